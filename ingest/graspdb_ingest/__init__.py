@@ -1,0 +1,1 @@
+"""Recordings to Arrow tables: readers, hand model, tracking, objects, contact, enclosure, features."""

@@ -1,0 +1,109 @@
+"""Everything that a user may tune, in one frozen object that is stored with each trial."""
+
+import json
+from dataclasses import asdict, dataclass, field
+
+
+@dataclass(frozen=True)
+class CloudParameters:
+    """How an object's surface becomes a point cloud.
+
+    Attributes
+    ----------
+    spacing : float
+        Distance between neighbouring points [m].
+    fpfh_radius : float
+        Radius of the fast point feature histograms [m]; never scaled with the object.
+    seed : int
+        Seed of the sampling.
+    """
+
+    spacing: float = 0.002
+    fpfh_radius: float = 0.015
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class TrackingParameters:
+    """The hand tracker's model of markers and movement.
+
+    Attributes
+    ----------
+    marker_sd : float
+        Standard deviation of a marker about its place on the model, noise and skin movement [m].
+    gate : float
+        Probability that a true marker passes the Mahalanobis gate.
+    posture_time : float
+        Time scale of joint angles about the mean posture [s].
+    translation_acceleration : float
+        Spread of the forearm's acceleration, root of its spectral density [m/s^1.5].
+    rotation_acceleration : float
+        The same for its rotation [rad/s^1.5].
+    minimum_start_markers : int
+        Markers that a frame needs to start from.
+    """
+
+    marker_sd: float = 0.0015
+    gate: float = 0.9999
+    posture_time: float = 0.25
+    translation_acceleration: float = 5.0
+    rotation_acceleration: float = 30.0
+    minimum_start_markers: int = 6
+
+
+@dataclass(frozen=True)
+class EventParameters:
+    """Thresholds that find holds and lifts.
+
+    Attributes
+    ----------
+    rest_speed : float
+        An object slower than this is at rest [m/s].
+    lift_height : float
+        An object raised by more than this has been lifted [m].
+    minimum_hold : float
+        Shortest hold [s].
+    minimum_gap : float
+        Holds nearer to each other than this are one [s].
+    minimum_sites : int
+        Sites in contact that make a hold.
+    smoothing : float
+        Cut-off of the low-pass filter on the object's path [Hz].
+    """
+
+    rest_speed: float = 0.02
+    lift_height: float = 0.005
+    minimum_hold: float = 0.15
+    minimum_gap: float = 0.15
+    minimum_sites: int = 2
+    smoothing: float = 8.0
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Contact and enclosing space.
+
+    Attributes
+    ----------
+    threshold : float
+        h of equation 3 [m].
+    sphere_vertices : int
+        Vertices that stand for a sphere in the hull; the paper has 64.
+    """
+
+    threshold: float = 0.004
+    sphere_vertices: int = 64
+
+
+@dataclass(frozen=True)
+class IngestParameters:
+    """All parameters of an ingest."""
+
+    cloud: CloudParameters = field(default_factory=CloudParameters)
+    tracking: TrackingParameters = field(default_factory=TrackingParameters)
+    events: EventParameters = field(default_factory=EventParameters)
+    contact: ContactParameters = field(default_factory=ContactParameters)
+
+    def to_json(self) -> str:
+        """Return the parameters as JSON with sorted keys."""
+        return json.dumps(asdict(self), sort_keys=True)

@@ -1,0 +1,1 @@
+"""Tables to answers: the DuckDB engine and the named queries."""

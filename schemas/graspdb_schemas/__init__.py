@@ -1,0 +1,1 @@
+"""The ground floor: table schemas, session manifest, the words of hands, errors."""

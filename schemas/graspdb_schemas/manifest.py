@@ -1,0 +1,173 @@
+"""A session as its manifest describes it, in SI units and absolute paths."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from graspdb_schemas.vocabulary import Side
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class MarkerPlacement:
+    """Where a hand marker sits: over a site, at a known offset, or where calibration finds it.
+
+    Attributes
+    ----------
+    segment : str
+        The segment that carries it.
+    at : str or None
+        The site over whose dorsal side it lies, one joint radius above the joint centre.
+    offset : tuple of float or None
+        Known position in the segment's frame [m].
+
+    With neither `at` nor `offset`, calibration finds the position.
+    """
+
+    segment: str
+    at: str | None = None
+    offset: Vector | None = None
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether calibration has to find the position."""
+        return self.at is None and self.offset is None
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A person, and what was measured of the hand; lengths in metres.
+
+    Attributes
+    ----------
+    name : str
+        Key in the manifest.
+    sides : tuple of Side
+        The recorded hands.
+    hand_length, hand_breadth : float
+        Wrist crease to tip of the middle finger; breadth over the knuckles [m].
+    joint_thickness : mapping of str to float
+        Caliper thickness by site [m], any subset.
+    calibration : tuple of Path
+        Recordings to calibrate from; empty for the session's own trials.
+    """
+
+    name: str
+    sides: tuple[Side, ...]
+    hand_length: float
+    hand_breadth: float
+    joint_thickness: Mapping[str, float]
+    calibration: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class SessionObject:
+    """An object: its surface, and its markers in the mesh's frame; metres and kilograms.
+
+    Attributes
+    ----------
+    name : str
+        Key in the manifest.
+    mesh : Path
+        File of the mesh or cloud.
+    mesh_scale : float
+        Factor from the mesh's numbers to metres.
+    markers : mapping of str to tuple of float
+        Marker positions in the mesh's frame [m].
+    mass : float or None
+        Mass [kg].
+    category : str or None
+        Kind of object.
+    """
+
+    name: str
+    mesh: Path
+    mesh_scale: float
+    markers: Mapping[str, Vector]
+    mass: float | None = None
+    category: str | None = None
+
+
+@dataclass(frozen=True)
+class SessionTrial:
+    """One recording of one subject, with or without an object.
+
+    Attributes
+    ----------
+    name : str
+        The file's name without its ending; its key is ``<session>/<name>``.
+    file : Path
+        The recording.
+    source_file : str
+        The same, as the manifest names it.
+    subject : str
+        Name of the subject.
+    object : str or None
+        Name of the object.
+    task : str or None
+        What was to be done.
+    repetition : int or None
+        Which time.
+    start, end : float or None
+        Part of the recording to use [s].
+    glove, reference_contacts : Path or None
+        Joint angles of a data glove; measured centres of pressure.
+    attributes : mapping
+        Further keys of the trial.
+    """
+
+    name: str
+    file: Path
+    source_file: str
+    subject: str
+    object: str | None = None
+    task: str | None = None
+    repetition: int | None = None
+    start: float | None = None
+    end: float | None = None
+    glove: Path | None = None
+    reference_contacts: Path | None = None
+    attributes: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session: who grasped what, recorded where.
+
+    Attributes
+    ----------
+    path : Path
+        The manifest's file.
+    id : str
+        Identifier, first part of every key.
+    up : tuple of float
+        Vertical of the lab frame, a unit vector.
+    file_scale : float
+        Factor from lengths in files that do not say their unit to metres.
+    marker_set : str
+        Name of the built-in marker set, or ``custom``.
+    markers : mapping of str to MarkerPlacement
+        Hand markers by label in the marker set.
+    marker_names : mapping of str to str
+        Label in the files -> label in the marker set (or of an object's marker), where they differ.
+    subjects, objects : mappings by name
+        Who, and what.
+    trials : tuple of SessionTrial
+        The recordings.
+    raw : mapping
+        The manifest as it was read.
+    """
+
+    path: Path
+    id: str
+    up: Vector
+    file_scale: float
+    marker_set: str
+    markers: Mapping[str, MarkerPlacement]
+    marker_names: Mapping[str, str]
+    subjects: Mapping[str, Subject]
+    objects: Mapping[str, SessionObject]
+    trials: tuple[SessionTrial, ...]
+    raw: Mapping[str, Any]

@@ -1,0 +1,280 @@
+"""The tables of a grasp database: columns, types, units and one line of documentation for each.
+
+A schema is a `pyarrow.Schema`; a field's metadata holds ``unit`` and ``doc``. Delta Lake keeps no
+fixed-size lists, so arrays are plain lists whose length is given in ``doc``.
+"""
+
+from typing import Final
+
+import pyarrow as pa
+
+SCHEMA_VERSION: Final = 1
+"""Raised whenever a stored table changes in a way that old readers or writers would not survive."""
+
+VECTOR: Final = pa.list_(pa.float64())
+VECTOR32: Final = pa.list_(pa.float32())
+MATRIX: Final = pa.list_(VECTOR)
+MATRIX32: Final = pa.list_(VECTOR32)
+INDICES: Final = pa.list_(pa.int32())
+TEXTS: Final = pa.list_(pa.string())
+
+
+def _column(name: str, kind: pa.DataType, doc: str, unit: str = "", nullable: bool = True) -> pa.Field:
+    return pa.field(name, kind, nullable=nullable, metadata={"unit": unit, "doc": doc})
+
+
+def _key(name: str, doc: str) -> pa.Field:
+    return _column(name, pa.string(), doc, nullable=False)
+
+
+_INGEST_ID = _key("ingest_id", "the ingest that wrote this row; committed if it stands in trials")
+_SESSION = _key("session", "identifier of the session")
+_TRIAL = _key("trial", "<session>/<name of the trial's file without its ending>")
+_GRASP = _key("grasp", "<trial>/<side>/<number of the grasp in the trial>")
+_SIDE = _key("side", "right or left")
+_OBJECT = _key("object", "<session>/<name of the object>")
+
+SESSIONS: Final = pa.schema(
+    [
+        _SESSION,
+        _column("up", VECTOR, "vertical of the lab frame, unit vector (3)"),
+        _column("marker_set", pa.string(), "name of the marker set, or its table as JSON"),
+        _column("manifest", pa.string(), "the manifest as JSON"),
+        _INGEST_ID,
+    ]
+)
+
+SUBJECTS: Final = pa.schema(
+    [
+        _SESSION,
+        _key("subject", "<session>/<name of the subject>"),
+        _column("name", pa.string(), "name of the subject in the manifest"),
+        _column("hand", pa.string(), "right, left or both"),
+        _column("hand_length", pa.float64(), "wrist crease to tip of the middle finger", "m"),
+        _column("hand_breadth", pa.float64(), "breadth over the finger knuckles", "m"),
+        _column("joint_thickness", pa.map_(pa.string(), pa.float64()), "caliper, by site", "m"),
+        _INGEST_ID,
+    ]
+)
+
+OBJECTS: Final = pa.schema(
+    [
+        _SESSION,
+        _OBJECT,
+        _column("name", pa.string(), "name of the object in the manifest"),
+        _column("category", pa.string(), "category that the manifest gives"),
+        _column("mass", pa.float64(), "mass that the manifest gives", "kg"),
+        _column("mesh_sha256", pa.string(), "sha256 of the mesh or cloud file"),
+        _column("area", pa.float64(), "area of the surface", "m2"),
+        _column("volume", pa.float64(), "enclosed volume; null where the mesh is not watertight", "m3"),
+        _column("extents", VECTOR, "size along the mesh's axes (3)", "m"),
+        _column("watertight", pa.bool_(), "whether the mesh is closed"),
+        _column("cloud_spacing", pa.float64(), "spacing asked of the cloud", "m"),
+        _column("n_points", pa.int32(), "number of points of the cloud"),
+        _column("warnings", TEXTS, "what was found wrong with the mesh and put up with"),
+        _INGEST_ID,
+    ]
+)
+
+HANDS: Final = pa.schema(
+    [
+        _SESSION,
+        _key("subject", "<session>/<name of the subject>"),
+        _SIDE,
+        _column("mjcf", pa.string(), "calibrated hand model, as MuJoCo's XML"),
+        _column("segment_lengths", pa.map_(pa.string(), pa.float64()), "by segment", "m"),
+        _column("radii", VECTOR, "sphere radii in the order of the sites (20)", "m"),
+        _column("calibrated_markers", TEXTS, "markers whose offsets calibration found"),
+        _column("residual_before", pa.float64(), "rms distance of marker to model at the start", "m"),
+        _column("residual", pa.float64(), "rms distance of marker to model after calibration", "m"),
+        _INGEST_ID,
+    ]
+)
+
+OBJECT_POINTS: Final = pa.schema(
+    [
+        _OBJECT,
+        _column("point", pa.int32(), "index of the point in the object's cloud", nullable=False),
+        _column("position", VECTOR32, "position in the object frame (3)", "m"),
+        _column("normal", VECTOR32, "outward unit normal in the object frame (3)"),
+        _column("area", pa.float32(), "surface area that the point stands for", "m2"),
+        _column("fpfh", VECTOR32, "fast point feature histogram (33)"),
+        _INGEST_ID,
+    ]
+)
+
+TRIALS: Final = pa.schema(
+    [
+        _SESSION,
+        _TRIAL,
+        _column("subject", pa.string(), "<session>/<name of the subject>"),
+        _column("object", pa.string(), "<session>/<name of the object>; null without an object"),
+        _column("task", pa.string(), "task that the manifest gives"),
+        _column("repetition", pa.int32(), "repetition that the manifest gives"),
+        _column("attributes", pa.string(), "further keys of the trial in the manifest, as JSON"),
+        _column("rate", pa.float64(), "frames per second", "Hz"),
+        _column("n_frames", pa.int32(), "number of frames"),
+        _column("duration", pa.float64(), "from the first frame to the last", "s"),
+        _column("source_file", pa.string(), "file of the recording, as the manifest names it"),
+        _column("source_sha256", pa.string(), "sha256 of that file"),
+        _column("input_key", pa.string(), "sha256 of everything that decides this trial's rows"),
+        _column("parameters", pa.string(), "parameters of the ingest, as JSON"),
+        _column("software_version", pa.string(), "version of graspdb that wrote the rows"),
+        _column("status", pa.string(), "ok or rejected"),
+        _column("reasons", TEXTS, "why it was rejected, or what to know of it"),
+        _column("missing_fraction", pa.float64(), "share of hand-marker positions not seen"),
+        _column("residual_rms", pa.float64(), "rms distance of hand markers to the tracked hand", "m"),
+        _column(
+            "residual_rms_by_group",
+            pa.map_(pa.string(), pa.float64()),
+            "the same by marker group: forearm, hand, thumb ... little, object",
+            "m",
+        ),
+        _column("n_grasps", pa.int32(), "number of grasps found"),
+        _INGEST_ID,
+    ]
+)
+
+MARKERS: Final = pa.schema(
+    [
+        _TRIAL,
+        _column("frame", pa.int32(), "frame of the trial, from 0", nullable=False),
+        _column("time", pa.float64(), "time of the frame", "s"),
+        _column("labels", TEXTS, "labels of the markers, in the order of positions"),
+        _column("positions", MATRIX32, "as recorded, lab frame; null where not seen (n, 3)", "m"),
+        _INGEST_ID,
+    ]
+)
+
+FRAMES: Final = pa.schema(
+    [
+        _TRIAL,
+        _SIDE,
+        _column("frame", pa.int32(), "frame of the trial, from 0", nullable=False),
+        _column("time", pa.float64(), "time of the frame", "s"),
+        _column(
+            "q",
+            VECTOR,
+            "configuration of the hand (30): position, quaternion w x y z, 23 angles",
+            "m, 1, rad",
+        ),
+        _column("q_sd", VECTOR32, "standard deviation of each degree of freedom (29)", "m, rad"),
+        _column("sites", MATRIX, "centres of the 20 spheres in the lab frame (20, 3)", "m"),
+        _column("object_position", VECTOR, "origin of the object frame in the lab frame (3)", "m"),
+        _column("object_quaternion", VECTOR, "world_from_object rotation, w x y z (4)"),
+        _column(
+            "object_residual", pa.float32(), "rms distance of object markers to their fitted places", "m"
+        ),
+        _column("gap", VECTOR, "signed distance of each sphere to the object's cloud (20)", "m"),
+        _column("residual", pa.float32(), "rms distance of the seen hand markers to the hand", "m"),
+        _column("n_markers", pa.int16(), "hand markers used in this frame"),
+        _column("flags", TEXTS, "what is special: not_tracked, no_markers, at_limit, rejected:<marker>"),
+        _INGEST_ID,
+    ]
+)
+
+GRASPS: Final = pa.schema(
+    [
+        _SESSION,
+        _TRIAL,
+        _GRASP,
+        _SIDE,
+        _column("subject", pa.string(), "<session>/<name of the subject>"),
+        _OBJECT,
+        _column("task", pa.string(), "task that the manifest gives"),
+        _column("repetition", pa.int32(), "repetition that the manifest gives"),
+        _column("snapshot_kind", pa.string(), "lift_onset, or steadiest where there is no lift"),
+        _column("snapshot_frame", pa.int32(), "frame of the snapshot"),
+        _column("snapshot_time", pa.float64(), "time of the snapshot", "s"),
+        _column("onset_time", pa.float64(), "first contact of this hold", "s"),
+        _column("lift_time", pa.float64(), "onset of lift; null where the object is not lifted", "s"),
+        _column("release_time", pa.float64(), "last contact; null where the trial ends first", "s"),
+        _column("digits", TEXTS, "digits in contact at the snapshot, thumb first"),
+        _column("contact_sites", TEXTS, "sites in contact at the snapshot"),
+        _column("n_contacts", pa.int16(), "number of sites in contact"),
+        _column("contact_threshold", pa.float64(), "h of equation 3", "m"),
+        _column("q", VECTOR, "configuration of the hand at the snapshot (30)", "m, 1, rad"),
+        _column("sites_object", MATRIX, "centres of the 20 spheres in the object frame (20, 3)", "m"),
+        _column("object_from_hand", MATRIX, "pose of the hand segment in the object frame (4, 4)"),
+        _column("gap", VECTOR, "signed distance of each sphere to the object's cloud (20)", "m"),
+        _column("grip_aperture", pa.float64(), "distance of thumb tip to index tip", "m"),
+        _column("hull_volume", pa.float64(), "volume of the hand enclosing space", "m3"),
+        _column("box_volume", pa.float64(), "volume of the least bounding box of the same spheres", "m3"),
+        _column("ellipsoid_volume", pa.float64(), "volume of their least ellipsoid", "m3"),
+        _column("sphere_volume", pa.float64(), "volume of their least sphere", "m3"),
+        _column("feature_points", pa.int32(), "number of object points in the enclosing space"),
+        _column("feature_area", pa.float64(), "surface area of the graspable feature", "m2"),
+        _column("quality", pa.map_(pa.string(), pa.float64()), "grasp quality indices by name"),
+        _INGEST_ID,
+    ]
+)
+
+CONTACTS: Final = pa.schema(
+    [
+        _GRASP,
+        _TRIAL,
+        _column("site", pa.string(), "site whose sphere touches", nullable=False),
+        _column("digit", pa.string(), "digit of that site"),
+        _column("point", pa.int32(), "index of the contact point in the object's cloud"),
+        _column("position", VECTOR, "contact point in the object frame (3)", "m"),
+        _column("normal", VECTOR, "outward surface normal there, object frame (3)"),
+        _column("gap", pa.float64(), "signed distance of the sphere to the cloud", "m"),
+        _INGEST_ID,
+    ]
+)
+
+FEATURES: Final = pa.schema(
+    [
+        _GRASP,
+        _TRIAL,
+        _OBJECT,
+        _column("points", INDICES, "indices of the object's points in the enclosing space"),
+        _column("hull_vertices", MATRIX, "vertices of the enclosing space, object frame (n, 3)", "m"),
+        _column("hull_faces", pa.list_(INDICES), "its triangles, outward, as vertex indices (m, 3)"),
+        _column("centroid", VECTOR, "area-weighted centre of the feature, object frame (3)", "m"),
+        _column("extents", VECTOR, "size along the feature's principal axes, largest first (3)", "m"),
+        _column("area", pa.float64(), "surface area of the feature", "m2"),
+        _column("descriptor", VECTOR32, "mean, then standard deviation, of the points' FPFH (66)"),
+        _INGEST_ID,
+    ]
+)
+
+TABLES: Final[dict[str, pa.Schema]] = {
+    "sessions": SESSIONS,
+    "subjects": SUBJECTS,
+    "objects": OBJECTS,
+    "hands": HANDS,
+    "object_points": OBJECT_POINTS,
+    "trials": TRIALS,
+    "markers": MARKERS,
+    "frames": FRAMES,
+    "grasps": GRASPS,
+    "contacts": CONTACTS,
+    "features": FEATURES,
+}
+"""Every table by name."""
+
+TABLE_DOCS: Final[dict[str, str]] = {
+    "sessions": "one row a session",
+    "subjects": "one row a subject of a session",
+    "objects": "one row an object of a session",
+    "hands": "one row a subject and side: the calibrated hand model",
+    "object_points": "one row a point of an object's cloud",
+    "trials": "one row a trial, rejected ones included; writing it commits the trial",
+    "markers": "one row a frame: marker positions as recorded",
+    "frames": "one row a frame and side: tracked hand, object pose, gaps",
+    "grasps": "one row a grasp: one hold of one object by one hand",
+    "contacts": "one row a touching sphere of a grasp",
+    "features": "one row a grasp: enclosing space and graspable feature",
+}
+"""What one row of each table stands for."""
+
+
+def unit_of(field: pa.Field) -> str:
+    """Return the unit of a column, empty where it has none."""
+    return (field.metadata or {}).get(b"unit", b"").decode()
+
+
+def doc_of(field: pa.Field) -> str:
+    """Return the line of documentation of a column."""
+    return (field.metadata or {}).get(b"doc", b"").decode()
