@@ -44,4 +44,4 @@ class Recording:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Where a marker was seen, shape (n_frames, n_markers)."""
-        return np.isfinite(self.positions).all(axis=2)
+        return np.asarray(np.isfinite(self.positions).all(axis=2))

@@ -32,7 +32,8 @@ _SESSION = _key("session", "identifier of the session")
 _TRIAL = _key("trial", "<session>/<name of the trial's file without its ending>")
 _GRASP = _key("grasp", "<trial>/<side>/<number of the grasp in the trial>")
 _SIDE = _key("side", "right or left")
-_OBJECT = _key("object", "<session>/<name of the object>")
+_SUBJECT = _key("subject", "name of the subject in its session")
+_OBJECT = _key("object", "name of the object in its session")
 
 SESSIONS: Final = pa.schema(
     [
@@ -47,8 +48,7 @@ SESSIONS: Final = pa.schema(
 SUBJECTS: Final = pa.schema(
     [
         _SESSION,
-        _key("subject", "<session>/<name of the subject>"),
-        _column("name", pa.string(), "name of the subject in the manifest"),
+        _SUBJECT,
         _column("hand", pa.string(), "right, left or both"),
         _column("hand_length", pa.float64(), "wrist crease to tip of the middle finger", "m"),
         _column("hand_breadth", pa.float64(), "breadth over the finger knuckles", "m"),
@@ -61,7 +61,6 @@ OBJECTS: Final = pa.schema(
     [
         _SESSION,
         _OBJECT,
-        _column("name", pa.string(), "name of the object in the manifest"),
         _column("category", pa.string(), "category that the manifest gives"),
         _column("mass", pa.float64(), "mass that the manifest gives", "kg"),
         _column("mesh_sha256", pa.string(), "sha256 of the mesh or cloud file"),
@@ -79,7 +78,7 @@ OBJECTS: Final = pa.schema(
 HANDS: Final = pa.schema(
     [
         _SESSION,
-        _key("subject", "<session>/<name of the subject>"),
+        _SUBJECT,
         _SIDE,
         _column("mjcf", pa.string(), "calibrated hand model, as MuJoCo's XML"),
         _column("segment_lengths", pa.map_(pa.string(), pa.float64()), "by segment", "m"),
@@ -93,6 +92,7 @@ HANDS: Final = pa.schema(
 
 OBJECT_POINTS: Final = pa.schema(
     [
+        _SESSION,
         _OBJECT,
         _column("point", pa.int32(), "index of the point in the object's cloud", nullable=False),
         _column("position", VECTOR32, "position in the object frame (3)", "m"),
@@ -107,8 +107,8 @@ TRIALS: Final = pa.schema(
     [
         _SESSION,
         _TRIAL,
-        _column("subject", pa.string(), "<session>/<name of the subject>"),
-        _column("object", pa.string(), "<session>/<name of the object>; null without an object"),
+        _column("subject", pa.string(), "name of the subject in its session"),
+        _column("object", pa.string(), "name of the object in its session; null without one"),
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
         _column("attributes", pa.string(), "further keys of the trial in the manifest, as JSON"),
@@ -179,7 +179,7 @@ GRASPS: Final = pa.schema(
         _TRIAL,
         _GRASP,
         _SIDE,
-        _column("subject", pa.string(), "<session>/<name of the subject>"),
+        _column("subject", pa.string(), "name of the subject in its session"),
         _OBJECT,
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
@@ -227,6 +227,7 @@ FEATURES: Final = pa.schema(
     [
         _GRASP,
         _TRIAL,
+        _SESSION,
         _OBJECT,
         _column("points", INDICES, "indices of the object's points in the enclosing space"),
         _column("hull_vertices", MATRIX, "vertices of the enclosing space, object frame (n, 3)", "m"),
@@ -272,9 +273,9 @@ TABLE_DOCS: Final[dict[str, str]] = {
 
 def unit_of(field: pa.Field) -> str:
     """Return the unit of a column, empty where it has none."""
-    return (field.metadata or {}).get(b"unit", b"").decode()
+    return str((field.metadata or {}).get(b"unit", b""), "utf-8")
 
 
 def doc_of(field: pa.Field) -> str:
     """Return the line of documentation of a column."""
-    return (field.metadata or {}).get(b"doc", b"").decode()
+    return str((field.metadata or {}).get(b"doc", b""), "utf-8")
