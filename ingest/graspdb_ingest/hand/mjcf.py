@@ -90,7 +90,7 @@ def build_hand(dimensions: HandDimensions, side: Side, markers: Mapping[str, Mar
             group=1,
         )
     spec.compile()
-    return HandModel(side=side, mjcf=spec.to_xml())
+    return HandModel(side=side, mjcf=spec.to_xml(), markers=tuple(markers))
 
 
 def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[float, float, float]) -> None:
@@ -184,9 +184,9 @@ def _marker_in_segment(
         return np.array(placement.offset)
     if placement.at is None:
         return _middle_of_dorsal_side(placement.segment, dimensions, side)
-    up = np.array([0, 0, dimensions.radii[SITES.index(placement.at)]])
+    up = np.array([0, 0, dimensions.radii[SITES.index(placement.at)]], dtype=np.float64)
     if placement.segment == SEGMENT_OF_SITE[placement.at]:
-        return np.add(_site_in_segment(placement.at, dimensions, side), up)
+        return _site_in_segment(placement.at, dimensions, side) + up
     return up  # on the segment beyond the joint, whose frame has its origin in the joint
 
 
@@ -195,7 +195,8 @@ def _middle_of_dorsal_side(segment: str, dimensions: HandDimensions, side: Side)
         return np.array([-0.2 * dimensions.hand_length, 0, 0.25 * dimensions.hand_breadth])
     if segment == "hand":
         knuckle = dimensions.base_joint("middle", side)
-        return np.add(0.5 * knuckle, [0, 0, dimensions.radii[SITES.index("middle_mcp")]])
+        height = dimensions.radii[SITES.index("middle_mcp")]
+        return 0.5 * knuckle + np.array([0, 0, height], dtype=np.float64)
     digit = segment.partition("_")[0]
     i = SEGMENTS_OF_DIGIT[digit].index(segment)
     first = 4 * DIGITS.index(digit) + i

@@ -15,7 +15,8 @@ from graspdb_schemas.vocabulary import SEGMENTS, SITES, Side
 MARKER_PREFIX: Final = "marker_"
 """A marker `x` is the MJCF site ``marker_x``; the sites proper have their bare names."""
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,19 @@ class HandModel:
         Right or left.
     mjcf : str
         The model in MuJoCo's XML.
+    markers : tuple of str
+        Labels of the markers, in the order that arrays of markers have.
 
     Raises
     ------
     HandModelError
         If the XML does not compile, does not begin with a free joint, has another joint than
-        hinges after it, or lacks a site.
+        hinges after it, or lacks a site or a marker.
     """
 
     side: Side
     mjcf: str
+    markers: tuple[str, ...]
 
     def __post_init__(self) -> None:
         model = self.mujoco_model
@@ -70,7 +74,8 @@ class HandModel:
                 "the hand model does not have one free joint followed by hinges",
                 "Give its root body a free joint and every other joint the type hinge.",
             )
-        missing = [site for site in SITES if mujoco.mj_name2id(model, _SITE, site) < 0]
+        sites = (*SITES, *(MARKER_PREFIX + marker for marker in self.markers))
+        missing = [site for site in sites if mujoco.mj_name2id(model, _SITE, site) < 0]
         if missing:
             raise HandModelError(
                 f"the hand model lacks the sites {', '.join(missing)}",
@@ -78,7 +83,7 @@ class HandModel:
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"side": self.side, "mjcf": self.mjcf}
+        return {"side": self.side, "mjcf": self.mjcf, "markers": self.markers}
 
     @cached_property
     def mujoco_model(self) -> mujoco.MjModel:
@@ -89,13 +94,6 @@ class HandModel:
             raise HandModelError(
                 f"MuJoCo cannot compile the hand model: {error}", "Mend the MJCF."
             ) from error
-
-    @cached_property
-    def markers(self) -> tuple[str, ...]:
-        """Labels of the markers, in the order of the model."""
-        model = self.mujoco_model
-        names = (model.site(i).name for i in range(model.nsite))
-        return tuple(n.removeprefix(MARKER_PREFIX) for n in names if n.startswith(MARKER_PREFIX))
 
     @cached_property
     def site_ids(self) -> NDArray[np.int32]:
