@@ -66,7 +66,7 @@ install_packages() {
         as_root=(sudo -n)
     fi
     echo "setup: installing system packages: $*"
-    local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=120)
+    local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=120)
     "${apt[@]}" update </dev/null || echo "setup: the list of packages could not be brought up to date" >&2
     "${apt[@]}" install -y --no-install-recommends "$@" </dev/null || stop "apt-get failed." "$remedy"
 }
