@@ -12,6 +12,6 @@ _SPELLINGS: Final[dict[str, str]] = {
 
 
 def metres_per(name: str) -> float | None:
-    """Return the metres in one unit as a recording spells it, such as ``mm`` or ``Meters``; None if unknown."""
+    """Return the metres in a unit as a recording spells it, ``mm`` or ``Meters``; None if unknown."""
     spelt = name.strip().lower()
     return METRES_PER.get(_SPELLINGS.get(spelt, spelt))
