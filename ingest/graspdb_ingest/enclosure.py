@@ -113,27 +113,34 @@ def box_volume(space: EnclosingSpace) -> float:
 
 
 def ellipsoid_volume(space: EnclosingSpace, tolerance: float = 1e-4) -> float:
-    """Return the volume of the least ellipsoid around the hull [m3] (Khachiyan's algorithm)."""
+    """Return the volume of the least ellipsoid around the hull [m3].
+
+    Khachiyan's algorithm with away steps (Todd and Yildirim 2007): weights move to the furthest
+    point, or away from the nearest that has any, until all are equally far to `tolerance`.
+    """
     points = space.vertices
     if not len(points):
         return 0.0
-    n, dimension = points.shape
-    centred = (points - points.mean(axis=0)) / np.ptp(points)
-    lifted = np.column_stack([centred, np.ones(n)]).T
+    scale = float(np.ptp(points))
+    centred = (points - points.mean(axis=0)) / scale
+    n, m = len(points), 4
+    lifted = np.column_stack([centred, np.ones(n)])
     weights = np.full(n, 1 / n)
-    for _ in range(10_000):
-        moments = lifted * weights @ lifted.T
-        distances = np.einsum("ij,ij->j", lifted, np.linalg.solve(moments, lifted))
+    for _ in range(5000):
+        moments = lifted.T * weights @ lifted
+        distances = np.einsum("ij,ij->i", lifted @ np.linalg.inv(moments), lifted)
         furthest = int(np.argmax(distances))
-        excess = distances[furthest] - dimension - 1
-        if excess <= tolerance * (dimension + 1):
+        nearest = int(np.argmin(np.where(weights > 0, distances, np.inf)))
+        if max(distances[furthest] - m, m - distances[nearest]) <= tolerance * m:
             break
-        step = excess / ((dimension + 1) * (distances[furthest] - 1))
+        chosen = furthest if distances[furthest] - m > m - distances[nearest] else nearest
+        step = (distances[chosen] - m) / (m * (distances[chosen] - 1)) if distances[chosen] > 1 else -1.0
+        step = max(step, -weights[chosen] / (1 - weights[chosen]))
         weights *= 1 - step
-        weights[furthest] += step
-    centre = centred.T @ weights
+        weights[chosen] += step
+    centre = weights @ centred
     spread = centred.T * weights @ centred - np.outer(centre, centre)
-    return float(4 / 3 * np.pi * np.sqrt(np.linalg.det(dimension * spread)) * np.ptp(points) ** 3)
+    return float(4 / 3 * np.pi * np.sqrt(np.linalg.det((m - 1) * spread)) * scale**3)
 
 
 def sphere_volume(space: EnclosingSpace) -> float:
