@@ -6,6 +6,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from graspdb_schemas.tables import STORE_COLUMNS
+
 Numbers = NDArray[Any]
 
 
@@ -40,9 +42,9 @@ def table(schema: pa.Schema, columns: dict[str, Any]) -> pa.Table:
     Raises
     ------
     KeyError
-        If a column is not declared, or a declared one but ``ingest_id``, which the store adds, is not given.
+        If a column is not declared, or a declared one is not given; the store adds its own.
     """
-    names = [name for name in schema.names if name != "ingest_id"]
+    names = [name for name in schema.names if name not in STORE_COLUMNS]
     if set(columns) != set(names):
         raise KeyError(f"columns {sorted(set(columns) ^ set(names))} do not match the schema")
     fields = [schema.field(name) for name in names]
