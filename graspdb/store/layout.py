@@ -38,7 +38,9 @@ def create(root: Path) -> None:
     check_path(root)
     if DeltaTable.is_deltatable(str(root / "trials")):
         return
-    strangers = sorted(entry.name for entry in root.iterdir() if entry.name not in TABLES) if root.exists() else []
+    strangers = (
+        sorted(entry.name for entry in root.iterdir() if entry.name not in TABLES) if root.exists() else []
+    )
     if strangers:
         raise DatabaseError(
             root,

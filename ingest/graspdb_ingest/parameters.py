@@ -24,6 +24,28 @@ class CloudParameters:
 
 
 @dataclass(frozen=True)
+class PoseParameters:
+    """What an object's markers must be like to fix its pose.
+
+    Attributes
+    ----------
+    minimum_spread : float
+        Seen markers nearer than this to one line (root mean square) fix no rotation about it [m].
+    outlier_distance : float
+        A frame with a marker further than this from its fitted place is tried without each marker [m].
+    outlier_ratio : float
+        A marker is left out if the others then fit this many times better.
+    maximum_residual : float
+        Root mean square distance of the markers to their fitted places above which there is no pose [m].
+    """
+
+    minimum_spread: float = 0.002
+    outlier_distance: float = 0.006
+    outlier_ratio: float = 3.0
+    maximum_residual: float = 0.02
+
+
+@dataclass(frozen=True)
 class TrackingParameters:
     """The hand tracker's model of markers and movement.
 
@@ -106,6 +128,7 @@ class IngestParameters:
     """All parameters of an ingest."""
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
+    pose: PoseParameters = field(default_factory=PoseParameters)
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     events: EventParameters = field(default_factory=EventParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
