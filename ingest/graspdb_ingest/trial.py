@@ -107,7 +107,9 @@ def track_trial(
     """
     followed = None
     if prepared is not None:
-        followed = TrackedObject(prepared, track_object(markers.object, prepared.marker_positions, parameters.pose))
+        followed = TrackedObject(
+            prepared, track_object(markers.object, prepared.marker_positions, parameters.pose)
+        )
     tracked = {}
     for side, hand in hands.items():
         track = track_hand(hand.hand, markers.hands[side], markers.rate, hand.prior, parameters.tracking)
