@@ -1,4 +1,4 @@
-"""From a session's folder to committed rows: what is new is prepared, followed and committed, trial by trial."""
+"""From a session's folder to committed rows: what is new is prepared, followed and committed."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

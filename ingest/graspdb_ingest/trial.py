@@ -108,7 +108,12 @@ def track_trial(
     followed = None
     if prepared is not None:
         followed = TrackedObject(
-            prepared, track_object(markers.object, prepared.marker_positions, parameters.pose)
+            prepared,
+            track_object(
+                np.asarray(markers.object, dtype=np.float64),
+                np.asarray(prepared.marker_positions, dtype=np.float64),
+                parameters.pose,
+            ),
         )
     tracked = {}
     for side, hand in hands.items():
@@ -146,7 +151,9 @@ def _with_holds(
     if followed is None:
         return TrackedHand(hand, track, np.full(track.sites.shape, np.nan), None, ())
     pose, cloud = followed.track, followed.prepared.cloud
-    sites_object = inverse_transform_points(pose.rotations, pose.positions, track.sites)
+    sites_object = inverse_transform_points(
+        pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
+    )
     gaps = signed_gaps(sites_object, hand.hand.radii, cloud)
     middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
     holds = find_holds(
