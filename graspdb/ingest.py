@@ -145,7 +145,7 @@ def read_session(session: str | os.PathLike[str], data_root: str | os.PathLike[s
 def _to_do(
     session: Session, store: Store, parameters: IngestParameters, force: bool
 ) -> tuple[list[SessionTrial], list[TrialReport]]:
-    known = store.input_keys(session.id)
+    known = store.committed_input_keys()
     todo, unchanged = [], []
     for trial in session.trials:
         key = f"{session.id}/{trial.name}"

@@ -96,7 +96,8 @@ def sample_cloud(surface: Surface, parameters: CloudParameters) -> ObjectCloud:
     placed = np.hstack([candidates, TURN * LEAST_DISTANCE * spacing * normals])
     kept = _apart(placed, LEAST_DISTANCE * spacing)
     owners = cKDTree(placed[kept]).query(placed)[1]
-    areas = np.bincount(owners, minlength=int(kept.sum())) * (area / len(candidates))
+    areas = np.bincount(owners, minlength=int(kept.sum())).astype(np.float64)
+    areas *= area / len(candidates)
     return ObjectCloud(candidates[kept], normals[kept], areas, spacing)
 
 
@@ -106,7 +107,7 @@ def _thinned(surface: Surface, spacing: float) -> ObjectCloud:
     points = surface.vertices[kept]
     normals = _estimated_normals(points) if surface.normals is None else surface.normals[kept]
     count = min(NEIGHBOURS, len(points))
-    reach = cKDTree(points).query(points, k=count)[0][:, -1]
+    reach = np.asarray(cKDTree(points).query(points, k=[count])[0])[:, 0]
     areas = np.pi * reach**2 / (count - 0.5)  # the disc to the last neighbour holds it half
     return ObjectCloud(points, normals, areas, spacing)
 

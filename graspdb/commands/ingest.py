@@ -1,0 +1,72 @@
+"""``graspdb ingest``: sessions into a database."""
+
+import json as json_format
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from graspdb.ingest import IngestReport
+
+
+def ingest(
+    sessions: Annotated[
+        list[Path], typer.Argument(metavar="SESSION...", help="Folders of sessions, or their manifests.")
+    ],
+    db: Annotated[Path, typer.Option(envvar="GRASPDB", help="Folder of the database; made if absent.")] = Path(
+        "grasps"
+    ),
+    workers: Annotated[int, typer.Option(min=1, help="Processes that follow trials side by side.")] = 1,
+    data_root: Annotated[
+        Path | None, typer.Option(help="Folder of the manifest's files, if not the session's own.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Ingest unchanged trials too.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Turn sessions into rows: track, find contacts and features, commit trial by trial.
+
+    Unchanged trials are skipped. A trial that cannot be used is stored as rejected, with its
+    reasons, and the exit status is 1.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from graspdb.ingest import TrialReport
+    from graspdb.ingest import ingest as run
+
+    reports = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        for session in sessions:
+            bar = bars.add_task(session.name or str(session), total=None)
+
+            def advance(report: TrialReport, total: int, bar: object = bar) -> None:
+                bars.update(bar, total=total, advance=1, description=report.trial)  # type: ignore[arg-type]
+
+            reports.append(
+                run(session, db, workers=workers, data_root=data_root, force=force, progress=advance)
+            )
+    if json:
+        typer.echo(json_format.dumps([_plain(report) for report in reports], indent=2))
+    else:
+        for report in reports:
+            typer.echo(summary(report))
+    if any(report.rejected for report in reports):
+        raise typer.Exit(1)
+
+
+def summary(report: "IngestReport") -> str:
+    """Return what became of a session, one line for it and one for each rejected trial."""
+    outcomes = [str(trial.outcome) for trial in report.trials]
+    counts = ", ".join(f"{outcomes.count(o)} {o}" for o in dict.fromkeys(outcomes))
+    grasps = sum(trial.n_grasps or 0 for trial in report.trials)
+    lines = [f"{report.session}: {len(report.trials)} trials ({counts or 'none'}), {grasps} new grasps"]
+    for trial in report.rejected:
+        lines.append(f"  rejected {trial.trial}: {'; '.join(trial.reasons)}")
+    return "\n".join(lines)
+
+
+def _plain(report: "IngestReport") -> dict[str, object]:
+    return {**asdict(report), "db": str(report.db)}
