@@ -1,0 +1,152 @@
+"""One frame by itself: the configuration that best explains the markers, from no start at all."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from graspdb_ingest.hand.kinematics import Kinematics
+from graspdb_ingest.hand.model import Bools, Floats
+from graspdb_ingest.hand.posture import PosturePrior
+
+MAXIMUM_STEPS = 60
+FREE = 6  # degrees of freedom of the free joint, before the hinges
+SEVEN = 7  # numbers of the free joint in a configuration
+
+
+@dataclass(frozen=True)
+class FrameFit:
+    """A configuration fitted to one frame.
+
+    Attributes
+    ----------
+    q : ndarray, shape (n_q,)
+        The configuration.
+    cost : float
+        Half the sum of squared normalised residuals, prior included.
+    residuals : ndarray, shape (n_markers, 3)
+        Observed minus model [m], NaN where a marker was not seen.
+    """
+
+    q: Floats
+    cost: float
+    residuals: Floats
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of the seen markers to the model [m]."""
+        return float(np.sqrt(np.nanmean(np.sum(self.residuals**2, axis=1))))
+
+
+def fit_frame(
+    kinematics: Kinematics,
+    observed: Floats,
+    prior: PosturePrior,
+    marker_sd: float,
+    starts: tuple[Floats, ...] = (),
+) -> FrameFit:
+    """Fit one frame by least squares with a weak prior on the joint angles.
+
+    Levenberg-Marquardt on the manifold, joint angles kept within their limits. The starts are
+    those given and the mean posture laid rigidly onto the seen markers, that and turned by half a
+    turn about each axis, so that it finds the hand from nowhere.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+        The hand.
+    observed : ndarray, shape (n_markers, 3)
+        Marker positions [m], NaN where not seen.
+    prior : PosturePrior
+        Where joints usually are.
+    marker_sd : float
+        Standard deviation of a marker about its place on the model [m].
+    starts : tuple of ndarray, each of shape (n_q,)
+        Configurations to start from besides.
+
+    Returns
+    -------
+    FrameFit
+        The best of the fits.
+    """
+    precision = np.linalg.inv(prior.covariance)
+    candidates = (*starts, *_rigid_starts(kinematics, observed, prior))
+    fits = (_descend(kinematics, observed, prior.mean, precision, marker_sd, q) for q in candidates)
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def visible(observed: Floats) -> Bools:
+    """Return which markers were seen, shape (..., n_markers), from positions (..., n_markers, 3)."""
+    return np.asarray(np.isfinite(observed).all(axis=-1))
+
+
+def _rigid_starts(kinematics: Kinematics, observed: Floats, prior: PosturePrior) -> tuple[Floats, ...]:
+    q = kinematics.hand.neutral()
+    q[SEVEN:] = prior.mean
+    kinematics.move(q)
+    seen = visible(observed)
+    model, target = kinematics.markers[seen], observed[seen]
+    from_model, to_target = model.mean(axis=0), target.mean(axis=0)
+    turn, _ = Rotation.align_vectors(target - to_target, model - from_model)
+    starts = []
+    for half_turn in (None, "x", "y", "z"):
+        rotation = turn if half_turn is None else turn * Rotation.from_euler(half_turn, np.pi)
+        start = q.copy()
+        start[:3] = to_target - rotation.apply(from_model - q[:3])
+        start[3:SEVEN] = (rotation * Rotation.from_quat(q[3:SEVEN], scalar_first=True)).as_quat(
+            scalar_first=True
+        )
+        starts.append(start)
+    return tuple(starts)
+
+
+def _descend(
+    kinematics: Kinematics,
+    observed: Floats,
+    mean: Floats,
+    precision: Floats,
+    marker_sd: float,
+    start: Floats,
+) -> FrameFit:
+    hand, limits = kinematics.hand, kinematics.hand.joint_range
+    seen = visible(observed)
+    q, damping = start, 1e-3
+    residuals, cost = _cost(kinematics, observed, seen, mean, precision, marker_sd, q)
+    for _ in range(MAXIMUM_STEPS):
+        kinematics.move(q)
+        jacobian = kinematics.marker_jacobian()[seen].reshape(-1, hand.n_dof) / marker_sd
+        normal = jacobian.T @ jacobian
+        normal[FREE:, FREE:] += precision
+        gradient = jacobian.T @ (residuals[seen].ravel() / marker_sd)
+        gradient[FREE:] -= precision @ (q[SEVEN:] - mean)
+        damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
+        step = np.linalg.solve(damped, gradient)
+        trial = hand.integrate(q, step)
+        trial[SEVEN:] = np.clip(trial[SEVEN:], limits[:, 0], limits[:, 1])
+        new_residuals, new_cost = _cost(kinematics, observed, seen, mean, precision, marker_sd, trial)
+        if new_cost < cost:
+            gained = cost - new_cost
+            q, residuals, cost, damping = trial, new_residuals, new_cost, damping / 5
+            if gained < 1e-6 * cost + 1e-9:
+                break
+        else:
+            damping *= 10
+            if damping > 1e8:
+                break
+    return FrameFit(q=q, cost=cost, residuals=residuals)
+
+
+def _cost(
+    kinematics: Kinematics,
+    observed: Floats,
+    seen: Bools,
+    mean: Floats,
+    precision: Floats,
+    marker_sd: float,
+    q: Floats,
+) -> tuple[Floats, float]:
+    kinematics.move(q)
+    residuals = observed - kinematics.markers
+    angles = q[SEVEN:] - mean
+    squared = np.sum(residuals[seen] ** 2) / marker_sd**2 + angles @ precision @ angles
+    return residuals, float(squared) / 2
