@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb.simulate.planning import FLESH_DEPTH, PlanningHand
+from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.vocabulary import DIGITS, JOINT_ANGLES, JOINTS_OF_DIGIT, N_SITES
 
@@ -109,7 +109,7 @@ def _first_touch(
 ) -> tuple[float, int]:
     """Return the share at which the first watched sphere touches, and its level."""
     spheres = digit.spheres[watched]
-    clearance = hand.radii[spheres] - np.where(spheres < N_SITES, 0.0, FLESH_DEPTH)
+    clearance = hand.radii[spheres] - np.where(spheres < N_SITES, 0.0, FLESH_LIMIT)
     low, high = share, OVERSHOOT
     level = 2
     for steps in (COARSE, FINE, FINE):

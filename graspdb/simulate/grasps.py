@@ -11,7 +11,7 @@ from graspdb.simulate.closing import close
 from graspdb.simulate.kinds import Plan
 from graspdb.simulate.objects import SimulatedObject
 from graspdb.simulate.opening import find_opening
-from graspdb.simulate.planning import PlanningHand
+from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.posing import Intent, solve
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.errors import GraspDBError
@@ -173,7 +173,7 @@ def _closed(hand: PlanningHand, surface: Surface, plan: Plan, planned: Floats) -
     near = surface.nearest(points)
     gaps = near.distance - hand.radii[: hand.n_solid]
     touching = gaps[:N_SITES] < TOUCH
-    if not _holds(touching, near.normal[:N_SITES]) or gaps[:N_SITES].min() < -TOUCH or gaps.min() < -0.004:
+    if not _holds(touching, near.normal[:N_SITES]) or gaps[:N_SITES].min() < -TOUCH or gaps.min() < -FLESH_LIMIT - 1e-5:
         return None
     return Grasp(plan.kind, q, opening.q, opening.way_out, gaps[:N_SITES])
 

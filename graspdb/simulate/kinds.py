@@ -135,7 +135,7 @@ def mug_plans(m: Measures) -> tuple[Plan, ...]:
     bar = (m["handle_depth"] + 0.019) / 0.185
     rim = (-m["radius"] + m["wall"] / 2, 0, m["height"] - 0.012)
     middle = m["height"] / 2
-    hooked = _sites("pip dip", ("index", "middle")) + ("thumb_tip",)
+    hooked = _sites("dip tip", ("index", "middle")) + ("thumb_tip",)
     away = (0.0, -1.0, 0.0)
     return (
         Plan(
@@ -161,11 +161,11 @@ def jug_plans(m: Measures) -> tuple[Plan, ...]:
     bar = (m["handle_depth"] + 0.019) / 0.185
     cap_middle = (m["cap_low"] + m["height"]) / 2
     bar_middle = (m["handle_low"] + m["handle_high"]) / 2 + 0.004
-    hooked = _sites("pip dip") + ("thumb_tip",)
+    hooked = _sites("dip tip", ("index", "middle", "ring")) + ("thumb_tip",)
     around = _sites("tip") + ("index_mcp", "middle_mcp", "thumb_tip")
     away = (0.0, -1.0, 0.0)
     return (
-        Plan("handle", (-1, 0, 0), LEFTWARDS, (m["handle"], 0, bar_middle), hooked, HOOK, (0.54, -0.04, -bar), part=1),
+        Plan("handle", (-1, 0, 0), LEFTWARDS, (m["handle"], 0, bar_middle), hooked, HOOK, (0.54, -0.04, -bar), part=1, aims={"thumb_tip": (m["handle"], -0.016, bar_middle + 0.025)}),
         Plan("cap_top", DOWNWARDS, FORWARDS, (0, 0, cap_middle), ALL_TIPS[:4], PINCH, elevation=35),
         Plan("cap_side", (0, 0.8, -0.6), FORWARDS, (0, 0, cap_middle), ALL_TIPS[:3], PINCH, elevation=15),
         Plan("side_power", FORWARDS, away, (0, 0, 0.09), around, WIDE, (0.40, -0.02, -palm_depth), flexed=0.5),

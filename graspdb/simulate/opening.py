@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from graspdb.simulate.closing import chain
-from graspdb.simulate.planning import PlanningHand
+from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.surface import Surface
-from graspdb_schemas.vocabulary import FINGERS, JOINT_ANGLES, N_SITES
+from graspdb_schemas.vocabulary import FINGERS, JOINT_ANGLES, N_SITES, Side
 
 Floats = NDArray[np.float64]
 
@@ -25,23 +25,33 @@ WIDE_OPEN: Final[dict[str, float]] = {
 }
 """The hand as far open as a reach opens it [degrees]."""
 
+THUMB_ASIDE: Final[dict[str, float]] = {
+    "thumb_cmc_abduction": -15,
+    "thumb_cmc_flexion": -40,
+    "thumb_mcp_flexion": 0,
+    "thumb_ip_flexion": 0,
+}
+"""The thumb out of the way of a bar that leaves the hooked fingers [degrees]."""
+
 SHARES: Final = (0.3, 0.45, 0.65, 0.85, 1.0)
 """How far to open, tried in this order."""
 
-WAYS: Final = tuple(
-    (x, y, z)
-    for x, y, z in (
-        (-1, 0, 0), (-1, 0, 0.5), (-1, 0, 1), (-0.5, 0, 1), (0, 0, 1), (-1, 0.4, 0.4), (-1, -0.4, 0.4),
-        (-0.5, 0.5, 1), (-0.5, -0.5, 1), (0, 1, 0.5), (-1, 1, 0), (-1, -1, 0), (0, 1, 0), (-1, 0, -0.4),
-    )
+HOOK_SHARES: Final = (0.1, 0.2, 0.3, 0.4)
+"""The same for fingers that hook around a bar and leave it in the direction in which they point."""
+
+WAYS: Final = (
+    (-1, 0, 0), (-1, 0, 0.5), (-1, 0, 1), (-0.5, 0, 1), (0, 0, 1), (-1, 0.4, 0.4), (-1, -0.4, 0.4),
+    (-0.5, 0.5, 1), (-0.5, -0.5, 1), (0, 1, 0.5), (-1, 1, 0), (-1, -1, 0), (0, 1, 0), (-1, 0, -0.4),
 )  # fmt: skip
 """Ways out in the hand's frame (distal, radial, dorsal), tried in this order: backwards first."""
 
+HOOK_WAYS: Final = (
+    (1, 0, 0), (1, 0, 0.3), (1, 0, -0.3), (1, 0.3, 0), (1, -0.3, 0), (1, 0.3, 0.3), (1, 0.3, -0.3), (1, 0, 0.6),
+)  # fmt: skip
+"""The same for hooked fingers."""
+
 DISTANCES: Final = np.array([0.004, 0.01, 0.018, 0.028, 0.04, 0.055, 0.075, 0.10, 0.13, 0.16])
 """Where on its way out the hand is looked at [m]."""
-
-DEPTH: Final = 0.0025
-"""How far the object may brush into the hand on its way out [m]."""
 
 
 @dataclass(frozen=True)
@@ -76,30 +86,49 @@ def find_opening(
     digits : tuple of str
         The digits that hold the object; the others stay as they are.
     """
-    ways = _ways(hand, grasp)
-    for share in SHARES:
-        q = opened(hand, grasp, digits, share)
+    for shares, directions in ((SHARES, WAYS), (HOOK_SHARES, HOOK_WAYS)):
+        opening = _least_opening(hand, surface, grasp, digits, shares, _turned(hand, grasp, directions))
+        if opening is not None:
+            return opening
+    return None
+
+
+def _least_opening(
+    hand: PlanningHand,
+    surface: Surface,
+    grasp: Floats,
+    digits: tuple[str, ...],
+    shares: tuple[float, ...],
+    ways: Floats,
+) -> Opening | None:
+    for share in shares:
+        q = _opened(hand, grasp, digits, share, hooked=shares is HOOK_SHARES)
         if not _free(hand, surface, _between(grasp, q)):
             continue
         points = hand.points_of(q[None])[0, : hand.n_solid]
         path = points + (ways[:, None] * DISTANCES[:, None])[:, :, None]
         gap = surface.distance(path) - hand.radii[: hand.n_solid]
         above = path[..., 2] > hand.radii[: hand.n_solid]
-        clear = np.flatnonzero(((gap > -DEPTH) & above).all(axis=(1, 2)))
+        clear = np.flatnonzero(((gap > -FLESH_LIMIT) & above).all(axis=(1, 2)))
         if len(clear):
             return Opening(q, ways[clear[0]])
     return None
 
 
-def opened(hand: PlanningHand, grasp: Floats, digits: tuple[str, ...], share: float) -> Floats:
+def _opened(hand: PlanningHand, grasp: Floats, digits: tuple[str, ...], share: float, hooked: bool) -> Floats:
     """Return a grasping hand with its digits part of the way to wide open."""
     limits = hand.hand.joint_range
     q = grasp.copy()
     for digit in digits:
+        aside = hooked and digit == "thumb"
+        goal = THUMB_ASIDE if aside else WIDE_OPEN
         for place in chain(digit).joints:
             joint = JOINT_ANGLES[place - 7]
-            if joint in WIDE_OPEN:
-                q[place] += share * (np.deg2rad(WIDE_OPEN[joint]) - q[place])
+            if joint in goal:
+                wanted = np.deg2rad(goal[joint])
+                if digit != "thumb":
+                    wanted = min(wanted, q[place])
+                q[place] += (1.0 if aside else share) * (wanted - q[place])
     q[7:] = np.clip(q[7:], limits[:, 0], limits[:, 1])
     return q
 
@@ -112,11 +141,12 @@ def _free(hand: PlanningHand, surface: Surface, path: Floats) -> bool:
     points = hand.points_of(path)[:, : hand.n_solid]
     gap = surface.distance(points) - hand.radii[: hand.n_solid]
     deepest = gap.min(axis=0)
-    return bool((deepest[:N_SITES] > -0.0005).all() and (deepest[N_SITES:] > -DEPTH).all())
+    return bool((deepest[:N_SITES] > -0.0005).all() and (deepest[N_SITES:] > -FLESH_LIMIT).all())
 
 
-def _ways(hand: PlanningHand, q: Floats) -> Floats:
+def _turned(hand: PlanningHand, q: Floats, directions: tuple[tuple[float, float, float], ...]) -> Floats:
+    """Return directions of the hand's frame, mirrored for a left hand, as unit vectors of the object's."""
     rotation = Rotation.from_matrix(hand.hand.forward(q).rotations[1])
-    mirror = np.array([1.0, 1.0 if hand.side == "right" else -1.0, 1.0])
-    ways = rotation.apply(np.array(WAYS, dtype=float) * mirror)
+    mirror = np.array([1.0, 1.0 if hand.side is Side.RIGHT else -1.0, 1.0])
+    ways = rotation.apply(np.array(directions, dtype=float) * mirror)
     return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))

@@ -26,7 +26,10 @@ from graspdb_schemas.vocabulary import (
 Floats = NDArray[np.float64]
 
 FLESH_DEPTH = 0.0015
-"""How far the object may press into the flesh between the spheres [m]."""
+"""How far the object presses into the flesh between the spheres before that resists [m]."""
+
+FLESH_LIMIT = 0.003
+"""How far it never presses [m]."""
 
 FOREARM_LENGTH = 0.20
 """Distance from the wrist to the point that keeps the forearm above the table [m]."""

@@ -18,7 +18,7 @@ TOUCH_SD = 0.0003
 PLACE_SD = 0.012
 """Freedom of the wrist and the knuckles about the place that the plan gives them [m]."""
 
-GIVE_UP = 0.3
+GIVE_UP = 0.15
 """A sphere that cannot reach the surface pulls with no more than the inverse of this."""
 
 PAD_SD = 0.1
