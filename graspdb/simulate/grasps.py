@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from graspdb.simulate.closing import close
 from graspdb.simulate.kinds import Plan
 from graspdb.simulate.objects import SimulatedObject
-from graspdb.simulate.opening import find_opening
+from graspdb.simulate.opening import between, find_opening, is_free
 from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.posing import Intent, solve
 from graspdb.simulate.surface import Surface
@@ -27,7 +27,7 @@ FREEDOM: Final = np.deg2rad(
 )
 """How far joints go from a plan's posture: wrist, spreading of the fingers, the rest [rad]."""
 
-TRIES: Final = 12
+TRIES: Final = 30
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,8 @@ def _closed(hand: PlanningHand, surface: Surface, plan: Plan, planned: Floats) -
         return None
     q = close(hand, surface, opening.q, planned, digits)
     points = hand.points_of(q[None])[0, : hand.n_solid]
+    if not is_free(hand, surface, between(opening.q, q, 12)):
+        return None
     near = surface.nearest(points)
     gaps = near.distance - hand.radii[: hand.n_solid]
     touching = gaps[:N_SITES] < TOUCH

@@ -103,7 +103,7 @@ def _least_opening(
 ) -> Opening | None:
     for share in shares:
         q = _opened(hand, grasp, digits, share, hooked=shares is HOOK_SHARES)
-        if not _free(hand, surface, _between(grasp, q)):
+        if not is_free(hand, surface, between(grasp, q)):
             continue
         points = hand.points_of(q[None])[0, : hand.n_solid]
         path = points + (ways[:, None] * DISTANCES[:, None])[:, :, None]
@@ -133,11 +133,13 @@ def _opened(hand: PlanningHand, grasp: Floats, digits: tuple[str, ...], share: f
     return q
 
 
-def _between(first: Floats, last: Floats, n: int = 6) -> Floats:
+def between(first: Floats, last: Floats, n: int = 6) -> Floats:
+    """Return n configurations from just after the first to the last, shape (n, 30)."""
     return first + (last - first) * np.linspace(0, 1, n + 1)[1:, None]
 
 
-def _free(hand: PlanningHand, surface: Surface, path: Floats) -> bool:
+def is_free(hand: PlanningHand, surface: Surface, path: Floats) -> bool:
+    """Return whether no sphere is in the object in any of some configurations, shape (n, 30)."""
     points = hand.points_of(path)[:, : hand.n_solid]
     gap = surface.distance(points) - hand.radii[: hand.n_solid]
     deepest = gap.min(axis=0)
