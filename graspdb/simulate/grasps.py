@@ -101,7 +101,8 @@ def find_grasp(
     start = begin(hand, plan) if near is None else near.q
     base = _intent(hand, body, plan, start)
     for number in range(TRIES):
-        intent = _varied(base, rng, 0.3 if near is None and number == 0 else 1.0)
+        amount = 0.3 if near is None and number == 0 else 1.0 + number / 8
+        intent = _varied(base, rng, amount)
         planned = solve(hand, body.surface, intent, start)
         grasp = _closed(hand, body.surface, plan, planned)
         if grasp is not None:
