@@ -41,6 +41,10 @@ class TrackingParameters:
         The same for its rotation [rad/s^1.5].
     minimum_start_markers : int
         Markers that a frame needs to start from.
+    minimum_tracked : float
+        Share of the frames in which the hand must be known; a trial with less is rejected.
+    maximum_residual : float
+        A trial whose median marker residual is above this is rejected [m].
     """
 
     marker_sd: float = 0.0015
@@ -49,6 +53,8 @@ class TrackingParameters:
     translation_acceleration: float = 5.0
     rotation_acceleration: float = 30.0
     minimum_start_markers: int = 6
+    minimum_tracked: float = 0.5
+    maximum_residual: float = 0.010
 
 
 @dataclass(frozen=True)

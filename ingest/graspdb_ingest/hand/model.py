@@ -1,5 +1,6 @@
 """A hand model that can be asked where its sites and markers are, and how they move."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +40,25 @@ class HandPose:
     markers: Floats
     positions: Floats
     rotations: Floats
+
+
+@dataclass(frozen=True)
+class HandShape:
+    """Places in a hand that calibration may move, by MJCF name, each in its parent's frame.
+
+    Attributes
+    ----------
+    body_positions : mapping of str to ndarray, shape (3,)
+        Origins of segments [m].
+    body_quaternions : mapping of str to ndarray, shape (4,)
+        Rotations of segments at zero angles, w x y z.
+    site_positions : mapping of str to ndarray, shape (3,)
+        Sites and markers (``marker_<label>``) [m].
+    """
+
+    body_positions: Mapping[str, Floats]
+    body_quaternions: Mapping[str, Floats]
+    site_positions: Mapping[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -201,6 +221,18 @@ class HandModel:
         step = np.empty(self.n_dof)
         mujoco.mj_differentiatePos(self.mujoco_model, step, 1.0, from_q, to_q)
         return step
+
+    def reshaped(self, shape: "HandShape") -> "HandModel":
+        """Return the same hand with its joints, sites and markers in other places."""
+        spec = mujoco.MjSpec.from_string(self.mjcf)
+        for name, position in shape.body_positions.items():
+            spec.body(name).pos = position
+        for name, quaternion in shape.body_quaternions.items():
+            spec.body(name).quat = quaternion
+        for name, position in shape.site_positions.items():
+            spec.site(name).pos = position
+        spec.compile()
+        return HandModel(side=self.side, mjcf=spec.to_xml(), markers=self.markers)
 
     def write(self, path: Path) -> None:
         """Write the MJCF to a file that any MuJoCo viewer opens."""

@@ -42,7 +42,7 @@ def fit_frame(
     kinematics: Kinematics,
     observed: Floats,
     prior: PosturePrior,
-    marker_sd: float,
+    marker_sd: Floats,
     starts: tuple[Floats, ...] = (),
 ) -> FrameFit:
     """Fit one frame by least squares with a weak prior on the joint angles.
@@ -59,8 +59,8 @@ def fit_frame(
         Marker positions [m], NaN where not seen.
     prior : PosturePrior
         Where joints usually are.
-    marker_sd : float
-        Standard deviation of a marker about its place on the model [m].
+    marker_sd : ndarray, shape (n_markers,)
+        Standard deviation of each marker about its place on the model [m].
     starts : tuple of ndarray, each of shape (n_q,)
         Configurations to start from besides.
 
@@ -71,7 +71,8 @@ def fit_frame(
     """
     precision = np.linalg.inv(prior.covariance)
     candidates = (*starts, *_rigid_starts(kinematics, observed, prior))
-    fits = (_descend(kinematics, observed, prior.mean, precision, marker_sd, q) for q in candidates)
+    target = _Target(observed, visible(observed), marker_sd[:, None], prior.mean, precision)
+    fits = (_descend(kinematics, target, q) for q in candidates)
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -100,30 +101,30 @@ def _rigid_starts(kinematics: Kinematics, observed: Floats, prior: PosturePrior)
     return tuple(starts)
 
 
-def _descend(
-    kinematics: Kinematics,
-    observed: Floats,
-    mean: Floats,
-    precision: Floats,
-    marker_sd: float,
-    start: Floats,
-) -> FrameFit:
-    hand, limits = kinematics.hand, kinematics.hand.joint_range
-    seen = visible(observed)
+@dataclass(frozen=True)
+class _Target:
+    observed: Floats
+    seen: Bools
+    sd: Floats
+    mean: Floats
+    precision: Floats
+
+
+def _descend(kinematics: Kinematics, target: _Target, start: Floats) -> FrameFit:
+    hand, limits, seen = kinematics.hand, kinematics.hand.joint_range, target.seen
     q, damping = start, 1e-3
-    residuals, cost = _cost(kinematics, observed, seen, mean, precision, marker_sd, q)
+    residuals, cost = _cost(kinematics, target, q)
     for _ in range(MAXIMUM_STEPS):
         kinematics.move(q)
-        jacobian = kinematics.marker_jacobian()[seen].reshape(-1, hand.n_dof) / marker_sd
+        jacobian = (kinematics.marker_jacobian() / target.sd[..., None])[seen].reshape(-1, hand.n_dof)
         normal = jacobian.T @ jacobian
-        normal[FREE:, FREE:] += precision
-        gradient = jacobian.T @ (residuals[seen].ravel() / marker_sd)
-        gradient[FREE:] -= precision @ (q[SEVEN:] - mean)
-        damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
-        step = np.linalg.solve(damped, gradient)
+        normal[FREE:, FREE:] += target.precision
+        gradient = jacobian.T @ (residuals / target.sd)[seen].ravel()
+        gradient[FREE:] -= target.precision @ (q[SEVEN:] - target.mean)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
         trial = hand.integrate(q, step)
         trial[SEVEN:] = np.clip(trial[SEVEN:], limits[:, 0], limits[:, 1])
-        new_residuals, new_cost = _cost(kinematics, observed, seen, mean, precision, marker_sd, trial)
+        new_residuals, new_cost = _cost(kinematics, target, trial)
         if new_cost < cost:
             gained = cost - new_cost
             q, residuals, cost, damping = trial, new_residuals, new_cost, damping / 5
@@ -136,17 +137,9 @@ def _descend(
     return FrameFit(q=q, cost=cost, residuals=residuals)
 
 
-def _cost(
-    kinematics: Kinematics,
-    observed: Floats,
-    seen: Bools,
-    mean: Floats,
-    precision: Floats,
-    marker_sd: float,
-    q: Floats,
-) -> tuple[Floats, float]:
+def _cost(kinematics: Kinematics, target: _Target, q: Floats) -> tuple[Floats, float]:
     kinematics.move(q)
-    residuals = observed - kinematics.markers
-    angles = q[SEVEN:] - mean
-    squared = np.sum(residuals[seen] ** 2) / marker_sd**2 + angles @ precision @ angles
+    residuals = target.observed - kinematics.markers
+    angles = q[SEVEN:] - target.mean
+    squared = np.sum((residuals / target.sd)[target.seen] ** 2) + angles @ target.precision @ angles
     return residuals, float(squared) / 2
