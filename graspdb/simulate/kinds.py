@@ -173,4 +173,30 @@ def jug_plans(m: Measures) -> tuple[Plan, ...]:
     )
 
 
-PLANS: Final = {"bottle": bottle_plans, "mug": mug_plans, "jug": jug_plans}
+def force_panel_plans(m: Measures) -> tuple[Plan, ...]:
+    """Return the four plans for the inverted T: the thumb on one panel, one finger on the other."""
+    height = (m["panel_low"] + m["panel_high"]) / 2 + 0.01
+    plans = []
+    for finger, lower in zip(FINGERS, (0.005, 0.013, 0.02, 0.026), strict=True):
+        others = tuple(f for f in FINGERS if f != finger)
+        posture = _fingers(40, 35, 15, (finger,)) | _fingers(5, 12, 6, others) | _thumb(35, 10, 15, 15)
+        outside = m["half_grip"] + 0.007
+        plans.append(
+            Plan(
+                f"thumb_{finger}",
+                (0.9, 0.42, -0.1),
+                (0.42, -0.9, 0.0),
+                (0, 0, height),
+                ("thumb_tip", f"{finger}_tip"),
+                posture | {"wrist_flexion": -20},
+                elevation=15,
+                aims={
+                    "thumb_tip": (0, outside, height + lower),
+                    f"{finger}_tip": (0, -outside, height - lower),
+                },
+            )
+        )
+    return tuple(plans)
+
+
+PLANS: Final = {"inverted_t": force_panel_plans, "bottle": bottle_plans, "mug": mug_plans, "jug": jug_plans}
