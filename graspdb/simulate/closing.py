@@ -47,7 +47,9 @@ def chain(digit: str) -> Chain:
     return Chain(
         joints=np.array([place for place, _ in own]),
         joint_levels=np.array([names.index(name) for _, name in own]),
-        spheres=np.array([*range(4 * number + 1, 4 * number + 4), *range(N_SITES + 3 * number, N_SITES + 3 * number + 3)]),
+        spheres=np.array(
+            [*range(4 * number + 1, 4 * number + 4), *range(N_SITES + 3 * number, N_SITES + 3 * number + 3)]
+        ),
         sphere_levels=np.array([0, 1, 2, 0, 1, 2]),
     )
 

@@ -176,7 +176,11 @@ def _closed(hand: PlanningHand, surface: Surface, plan: Plan, planned: Floats) -
     near = surface.nearest(points)
     gaps = near.distance - hand.radii[: hand.n_solid]
     touching = gaps[:N_SITES] < TOUCH
-    if not _holds(touching, near.normal[:N_SITES]) or gaps[:N_SITES].min() < -TOUCH or gaps.min() < -FLESH_LIMIT - 1e-5:
+    if (
+        not _holds(touching, near.normal[:N_SITES])
+        or gaps[:N_SITES].min() < -TOUCH
+        or gaps.min() < -FLESH_LIMIT - 1e-5
+    ):
         return None
     return Grasp(plan.kind, q, opening.q, opening.way_out, gaps[:N_SITES])
 

@@ -47,6 +47,8 @@ class Plan:
         The part of the object that is to be touched; None for all of it.
     flexed : float
         Share of the fingers' flexion to start from, so that a wrapping hand starts around the object.
+    exact : bool
+        Whether no other digits may touch.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Plan:
     aims: Mapping[str, Place] = field(default_factory=dict)
     part: int | None = None
     flexed: float = 1.0
+    exact: bool = False
 
     def angles(self) -> Floats:
         """Return the posture in the order of JOINT_ANGLES [rad], shape (23,)."""
@@ -121,7 +124,16 @@ def bottle_plans(m: Measures) -> tuple[Plan, ...]:
     cap_middle = (m["cap_low"] + m["height"]) / 2
     three = ("thumb_tip", "index_tip", "middle_tip")
     return (
-        Plan("side_power", LEFTWARDS, FORWARDS, (0, 0, 0.085), WRAP, POWER, (0.42, -0.02, -palm_depth), flexed=0.4),
+        Plan(
+            "side_power",
+            LEFTWARDS,
+            FORWARDS,
+            (0, 0, 0.085),
+            WRAP,
+            POWER,
+            (0.42, -0.02, -palm_depth),
+            flexed=0.4,
+        ),
         Plan("side_precision", LEFTWARDS, FORWARDS, (0, 0, 0.095), ALL_TIPS, PRECISION),
         Plan("neck", (0, 0.8, -0.6), FORWARDS, (0, 0, 0.165), ALL_TIPS, PRECISION, elevation=20),
         Plan("cap_top", DOWNWARDS, FORWARDS, (0, 0, cap_middle), ALL_TIPS[:4], PINCH, elevation=35),
@@ -150,7 +162,16 @@ def mug_plans(m: Measures) -> tuple[Plan, ...]:
         ),
         Plan("rim", DOWNWARDS, FORWARDS, rim, ("thumb_tip", "index_tip", "middle_tip"), PINCH, elevation=30),
         Plan("top", DOWNWARDS, FORWARDS, (0, 0, m["height"] - 0.010), ALL_TIPS, WIDE, elevation=35),
-        Plan("side_power", FORWARDS, away, (0, 0, middle + 0.005), WRAP, POWER, (0.42, -0.02, -palm_depth), flexed=0.4),
+        Plan(
+            "side_power",
+            FORWARDS,
+            away,
+            (0, 0, middle + 0.005),
+            WRAP,
+            POWER,
+            (0.42, -0.02, -palm_depth),
+            flexed=0.4,
+        ),
         Plan("side_precision", FORWARDS, away, (0, 0, middle + 0.01), ALL_TIPS, WIDE),
     )
 
@@ -165,10 +186,22 @@ def jug_plans(m: Measures) -> tuple[Plan, ...]:
     around = _sites("tip") + ("index_mcp", "middle_mcp", "thumb_tip")
     away = (0.0, -1.0, 0.0)
     return (
-        Plan("handle", (-1, 0, 0), LEFTWARDS, (m["handle"], 0, bar_middle), hooked, HOOK, (0.54, -0.04, -bar), part=1, aims={"thumb_tip": (m["handle"], -0.016, bar_middle + 0.025)}),
+        Plan(
+            "handle",
+            (-1, 0, 0),
+            LEFTWARDS,
+            (m["handle"], 0, bar_middle),
+            hooked,
+            HOOK,
+            (0.54, -0.04, -bar),
+            part=1,
+            aims={"thumb_tip": (m["handle"], -0.016, bar_middle + 0.025)},
+        ),
         Plan("cap_top", DOWNWARDS, FORWARDS, (0, 0, cap_middle), ALL_TIPS[:4], PINCH, elevation=35),
         Plan("cap_side", (0, 0.8, -0.6), FORWARDS, (0, 0, cap_middle), ALL_TIPS[:3], PINCH, elevation=15),
-        Plan("side_power", FORWARDS, away, (0, 0, 0.09), around, WIDE, (0.40, -0.02, -palm_depth), flexed=0.5),
+        Plan(
+            "side_power", FORWARDS, away, (0, 0, 0.09), around, WIDE, (0.40, -0.02, -palm_depth), flexed=0.5
+        ),
         Plan("side_precision", FORWARDS, away, (0, 0, 0.10), ALL_TIPS, WIDE),
     )
 
@@ -190,6 +223,7 @@ def force_panel_plans(m: Measures) -> tuple[Plan, ...]:
                 ("thumb_tip", f"{finger}_tip"),
                 posture | {"wrist_flexion": -20},
                 elevation=15,
+                exact=True,
                 aims={
                     "thumb_tip": (0, outside, height + lower),
                     f"{finger}_tip": (0, -outside, height - lower),

@@ -101,7 +101,12 @@ class Measured:
 
 
 def skin_movement(
-    axes: Floats, angles: Floats, limits: Floats, noise: NoiseParameters, rate: float, rng: np.random.Generator
+    axes: Floats,
+    angles: Floats,
+    limits: Floats,
+    noise: NoiseParameters,
+    rate: float,
+    rng: np.random.Generator,
 ) -> Floats:
     """Return how far markers slide with the skin [m], shape (n_frames, n_markers, 3).
 

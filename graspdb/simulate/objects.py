@@ -89,7 +89,14 @@ def make_mug(rng: np.random.Generator) -> SimulatedObject:
     outer, wall, bottom = rng.uniform(0.039, 0.042), 0.004, 0.006
     height = rng.uniform(0.094, 0.102)
     corners = np.array(
-        [[0.004, 0.0], [outer, 0.0], [outer, height], [outer - wall, height], [outer - wall, bottom], [0.004, bottom]]
+        [
+            [0.004, 0.0],
+            [outer, 0.0],
+            [outer, height],
+            [outer - wall, height],
+            [outer - wall, bottom],
+            [0.004, bottom],
+        ]
     )
     profile = rounded(corners, [0.004, 0.0019, 0.0019, 0.006])
     reach = outer + rng.uniform(0.035, 0.039)
@@ -120,7 +127,9 @@ def make_jug(rng: np.random.Generator) -> SimulatedObject:
     shoulder, neck = 0.150, 0.186
     cap = rng.uniform(0.018, 0.020)
     height = neck + rng.uniform(0.022, 0.025)
-    corners = np.array([[0.006, 0], [half, 0], [half, shoulder], [cap - 0.002, neck - 0.004], [cap - 0.002, neck]])
+    corners = np.array(
+        [[0.006, 0], [half, 0], [half, shoulder], [cap - 0.002, neck - 0.004], [cap - 0.002, neck]]
+    )
     body = rounded(corners, [0.008, 0.03, 0.006])
     square = np.interp(body[:, 1], [0, shoulder - 0.01, neck - 0.006], [4.5, 4.5, 2.0])
     body = np.column_stack([body, square])

@@ -70,7 +70,9 @@ class PlanningHand:
     @cached_property
     def digit_of_point(self) -> NDArray[np.int64]:
         """Digit that moves each point, as its position in DIGITS; -1 for palm, wrist and forearm."""
-        knuckle = [site.endswith("_cmc") or (site.endswith("_mcp") and d != "thumb") for site, d in _SITE_DIGIT]
+        knuckle = [
+            site.endswith("_cmc") or (site.endswith("_mcp") and d != "thumb") for site, d in _SITE_DIGIT
+        ]
         sites = [-1 if k else DIGITS.index(d) for k, (_, d) in zip(knuckle, _SITE_DIGIT, strict=True)]
         phalanges = np.repeat(np.arange(5), 3).tolist()
         rest = len(self._points) - N_SITES - 15
@@ -105,7 +107,9 @@ class PlanningHand:
 _SITE_DIGIT = tuple(zip(SITES, DIGIT_OF_SITE, strict=True))
 
 
-def _placements(dimensions: HandDimensions, side: Side) -> tuple[dict[str, MarkerPlacement], dict[str, float]]:
+def _placements(
+    dimensions: HandDimensions, side: Side
+) -> tuple[dict[str, MarkerPlacement], dict[str, float]]:
     """Return the planning points as markers, and their radii; dorsal directions have no radius."""
     placements: dict[str, MarkerPlacement] = {}
     radii: dict[str, float] = {}
@@ -122,7 +126,12 @@ def _placements(dimensions: HandDimensions, side: Side) -> tuple[dict[str, Marke
         ends = dimensions.radii[4 * DIGITS.index(digit) :][:4]
         lengths = dimensions.joint_distances(digit)
         for i, segment in enumerate(SEGMENTS_OF_DIGIT[digit]):
-            add(f"mid_{segment}", segment, np.array([lengths[i] / 2, 0, 0]), 0.9 * float(ends[i : i + 2].mean()))
+            add(
+                f"mid_{segment}",
+                segment,
+                np.array([lengths[i] / 2, 0, 0]),
+                0.9 * float(ends[i : i + 2].mean()),
+            )
     for finger in FINGERS:
         for share in PALM_SHARES:
             offset = share * dimensions.base_joint(finger, side)

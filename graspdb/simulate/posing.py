@@ -63,7 +63,9 @@ class Linear:
     jacobian: Floats
 
 
-def solve(hand: PlanningHand, surface: Surface, intent: Intent, start: Floats, iterations: int = 40) -> Floats:
+def solve(
+    hand: PlanningHand, surface: Surface, intent: Intent, start: Floats, iterations: int = 40
+) -> Floats:
     """Return the configuration, shape (30,), that best does what is intended, from a start.
 
     Levenberg and Marquardt's damped least squares on the manifold; joint limits are kept by

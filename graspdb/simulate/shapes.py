@@ -23,7 +23,9 @@ def loft(rings: Floats) -> trimesh.Trimesh:
         A watertight mesh with outward normals.
     """
     n_rings, n_around, _ = rings.shape
-    vertices = np.concatenate([rings.reshape(-1, 3), rings[0].mean(axis=0)[None], rings[-1].mean(axis=0)[None]])
+    vertices = np.concatenate(
+        [rings.reshape(-1, 3), rings[0].mean(axis=0)[None], rings[-1].mean(axis=0)[None]]
+    )
     here = np.arange(n_around)
     following = np.roll(here, -1)
     faces = []
@@ -156,4 +158,6 @@ def _arc(before: Floats, corner: Floats, after: Floats, radius: float, n: int = 
     start, end = corner + leg * back - centre, corner + leg * ahead - centre
     span = np.pi - 2 * half
     share = np.linspace(0, 1, n)[:, None]
-    return np.asarray(centre + (np.sin((1 - share) * span) * start + np.sin(share * span) * end) / np.sin(span))
+    return np.asarray(
+        centre + (np.sin((1 - share) * span) * start + np.sin(share * span) * end) / np.sin(span)
+    )

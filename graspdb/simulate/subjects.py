@@ -1,5 +1,6 @@
 """Subjects: hands of different size, and where their markers sit."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -85,17 +86,21 @@ def draw_subject(name: str, rng: np.random.Generator) -> SimulatedSubject:
     measured = usual * (1 + THICKNESS_SD * np.clip(rng.standard_normal(len(SITES)), -2, 2))
     thickness = {site: round(float(t), 4) for site, t in zip(SITES, measured, strict=True)}
     side = Side.LEFT if rng.random() < LEFT_HANDED else Side.RIGHT
-    placements = _forearm_placements(breadth, rng)
-    placements |= {site: MarkerPlacement(SEGMENT_OF_SITE[site], at=site) for site in SITES}
+    placements = placements_of(_forearm_offsets(breadth, rng))
     return SimulatedSubject(name, side, HandDimensions(length, breadth, thickness), placements)
 
 
-def _forearm_placements(breadth: float, rng: np.random.Generator) -> dict[str, MarkerPlacement]:
-    """Return two markers above the wrist and two further up, around the back of the forearm."""
-    nominal = np.array([[-0.025, 0.022, 0.016], [-0.025, -0.022, 0.016], [-0.085, 0.018, 0.026], [-0.09, -0.02, 0.024]])
-    offsets = nominal * [1.0, breadth / 0.084, breadth / 0.084] + 0.004 * rng.standard_normal(nominal.shape)
-    placements = {}
-    for label, offset in zip(FOREARM_MARKERS, offsets.tolist(), strict=True):
-        x, y, z = (round(value, 5) for value in offset)
-        placements[label] = MarkerPlacement("forearm", offset=(x, y, z))
-    return placements
+def placements_of(forearm: Mapping[str, tuple[float, float, float]]) -> dict[str, MarkerPlacement]:
+    """Return the 24 markers: those of the forearm at offsets [m], the others over their sites."""
+    placements = {label: MarkerPlacement("forearm", offset=offset) for label, offset in forearm.items()}
+    return placements | {site: MarkerPlacement(SEGMENT_OF_SITE[site], at=site) for site in SITES}
+
+
+def _forearm_offsets(breadth: float, rng: np.random.Generator) -> dict[str, tuple[float, float, float]]:
+    """Return two markers above the wrist and two further up, around the back of the forearm [m]."""
+    nominal = np.array(
+        [[-0.025, 0.022, 0.016], [-0.025, -0.022, 0.016], [-0.085, 0.018, 0.026], [-0.09, -0.02, 0.024]]
+    )
+    scale = [1.0, breadth / 0.084, breadth / 0.084]
+    offsets = np.round(nominal * scale + 0.004 * rng.standard_normal(nominal.shape), 5)
+    return {label: (x, y, z) for label, (x, y, z) in zip(FOREARM_MARKERS, offsets.tolist(), strict=True)}

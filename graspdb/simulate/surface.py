@@ -65,7 +65,9 @@ class Surface:
             face_normal[nearer] = closest["primitive_normals"].numpy()[nearer]
         away = points - point
         length = np.linalg.norm(away, axis=-1, keepdims=True)
-        normal = np.where(length > 1e-6, np.sign(distance)[..., None] * away / np.maximum(length, 1e-9), face_normal)
+        normal = np.where(
+            length > 1e-6, np.sign(distance)[..., None] * away / np.maximum(length, 1e-9), face_normal
+        )
         return Nearest(distance, point, normal)
 
 
