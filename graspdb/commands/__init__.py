@@ -1,0 +1,1 @@
+"""The commands of the command line, one module each; they import what is heavy only when they run."""
