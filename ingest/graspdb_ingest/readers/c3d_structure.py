@@ -113,11 +113,17 @@ def _walk(path: Path, section: bytes, order: str) -> list[_Parameter]:
         if body + 2 > len(section):
             break
         (step,) = struct.unpack_from(f"{order}H", section, body)
-        name = section[place + 2 : body].decode("latin-1").upper()
+        name = section[place + 2 : body].decode("latin-1").strip().upper()
+        if not name.isprintable() or not name.isascii():
+            _damaged(path, f"its parameter number {len(found) + 1} has no readable name")
         end = body + step if step else len(section)
-        found.append(
-            _parameter(path, section, body + 2, end, group, name) if group > 0 else _Parameter(group, name)
-        )
+        if group > 0:
+            entry, rest = _parameter(path, section, body + 2, end, group, name)
+        else:
+            entry, rest = _Parameter(group, name), body + 2
+        if step and rest + 1 + section[min(rest, len(section) - 1)] > end:
+            _damaged(path, f"its parameter {name!r} and the length of its record disagree")
+        found.append(entry)
         if step == 0:
             return found
         if group == 0 or step < 3:
@@ -126,8 +132,10 @@ def _walk(path: Path, section: bytes, order: str) -> list[_Parameter]:
     _cut_short(path, "in its parameters")
 
 
-def _parameter(path: Path, section: bytes, place: int, end: int, group: int, name: str) -> _Parameter:
-    """Return a parameter, after a check that its values fit into its record."""
+def _parameter(
+    path: Path, section: bytes, place: int, end: int, group: int, name: str
+) -> tuple[_Parameter, int]:
+    """Return a parameter and where its values end, after a check that they fit into its record."""
     if place + 2 > len(section):
         _cut_short(path, "in its parameters")
     kind, n_dimensions = struct.unpack_from("bB", section, place)
@@ -137,7 +145,7 @@ def _parameter(path: Path, section: bytes, place: int, end: int, group: int, nam
     size = math.prod(section[place + 2 : values])
     if values + size * _TYPES[kind] > min(end, len(section)):
         _damaged(path, f"its parameter {name!r} is larger than its record")
-    return _Parameter(group, name, kind, values)
+    return _Parameter(group, name, kind, values), values + size * _TYPES[kind]
 
 
 def _frames_parameter(parameters: Sequence[_Parameter], section: bytes, order: str) -> int | None:
