@@ -1,5 +1,1 @@
-<<<<<<< HEAD
-"""The commands, one module each."""
-=======
-"""The commands of the command line, one module each; they import what is heavy only when they run."""
->>>>>>> readers
+"""The commands of the command line, one module each; heavy imports happen inside the functions."""

@@ -6,6 +6,7 @@ refers to is ever opened.
 
 import hashlib
 import io
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,10 @@ from graspdb_schemas.errors import ObjectError
 
 MESH_FORMATS: Final = (".stl", ".obj", ".ply", ".glb", ".off")
 CLOUD_FORMATS: Final = (".ply", ".pcd")
+
+_HEADER_LENGTH: Final = 10_000
+_CLAIMED_POINTS: Final = re.compile(rb"^(?:POINTS|element vertex)[ \t]+(\d{1,12})\s*$", re.MULTILINE)
+_MOST_POINTS_PER_BYTE: Final = 100  # binary_compressed PCD of a cloud whose points are all alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,7 @@ def read_geometry(path: Path) -> Geometry:
             raise ObjectError(
                 path, "it has no faces", "Save a surface with triangles, or a cloud as PLY or PCD."
             )
-    points, normals = _read_cloud(path)
+    points, normals = _read_cloud(path, content)
     return Geometry(points, None, normals, sha256)
 
 
@@ -132,14 +137,18 @@ def _flatten(scene: Any) -> tuple[Array, NDArray[np.int64]]:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _read_cloud(path: Path) -> tuple[Array, Array | None]:
+def _read_cloud(path: Path, content: bytes) -> tuple[Array, Array | None]:
+    # Open3D reserves what the header claims; a damaged header must not take all memory.
+    claimed = _CLAIMED_POINTS.search(content[:_HEADER_LENGTH])
+    if claimed is None or int(claimed.group(1)) > _MOST_POINTS_PER_BYTE * len(content):
+        raise ObjectError(path, "its header does not say how many points follow", "Export the cloud again.")
     open3d = load_open3d()
     with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
         try:
             cloud = open3d.io.read_point_cloud(
                 str(path), remove_nan_points=False, remove_infinite_points=False
             )
-        except RuntimeError as error:
+        except (RuntimeError, MemoryError) as error:
             raise ObjectError(path, f"not readable as a cloud ({error})", "Export it again.") from error
     points = np.asarray(cloud.points, dtype=np.float64).copy()
     if not len(points):

@@ -16,7 +16,7 @@ SMALLEST_OBJECT: Final = 0.002
 LARGEST_OBJECT: Final = 3.0
 """Largest extents [m] between which a thing can be grasped with a hand; outside, the unit is wrong."""
 
-_PLAUSIBLE: Final = (0.01, 1.0)
+_PLAUSIBLE: Final = (0.01, 0.5)
 _UNITS: Final = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 
 

@@ -65,11 +65,9 @@ def mend(vertices: Array, faces: Indices) -> MendedMesh:
     if len(mesh.faces):
         inside_out = _inside_out(mesh)
         _flip(mesh, inside_out)
-        if inside_out.any():
-            which = (
-                "inside out" if inside_out.all() else f"{_count(int(inside_out.sum()), 'face')} inside out"
-            )
-            warnings.append(f"{which}: turned outward")
+        if n := int(inside_out.sum()):
+            which = "all faces" if inside_out.all() else _count(n, "face")
+            warnings.append(f"{which} inside out: turned outward")
     return MendedMesh(mesh, tuple(warnings))
 
 
@@ -163,21 +161,29 @@ def _inside_out(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     n_parts = labels.max() + 1
     neighbours = np.bincount(np.asarray(mesh.face_adjacency).ravel(), minlength=len(labels))
     closed = np.bincount(labels, weights=neighbours != 3, minlength=n_parts) == 0
-    flow = np.einsum("ij,ij->i", mesh.triangles_cross, mesh.triangles_center - mesh.centroid)
-    volumes = np.bincount(labels, weights=flow, minlength=n_parts) / 6
-    low = np.full((n_parts, 3), np.inf)
-    high = np.full((n_parts, 3), -np.inf)
-    np.minimum.at(low, labels, mesh.triangles.min(axis=1))
-    np.maximum.at(high, labels, mesh.triangles.max(axis=1))
+    arms = mesh.triangles_center - mesh.centroid
+    volumes = np.bincount(labels, np.einsum("ij,ij->i", mesh.triangles_cross, arms), n_parts) / 6
     turned = np.zeros(n_parts, dtype=bool)
+    outer = closed[labels] & (volumes > 0)[labels]
     for part in np.flatnonzero(closed & (volumes < 0)):
-        within = (low < low[part]).all(axis=1) & (high > high[part]).all(axis=1)
-        turned[part] = not within.any()
-    if (~closed).any():
-        reach = np.linalg.norm(mesh.triangles_cross, axis=1) * np.linalg.norm(
-            mesh.triangles_center - mesh.centroid, axis=1
-        )
-        outward = volumes[~closed].sum()
+        corner = mesh.triangles[labels == part][0, 0]
+        turned[part] = _winding_number(mesh.triangles[outer], corner) < 0.5
+    if not closed.all():
+        openly = ~closed[labels]
+        reach = np.linalg.norm(mesh.triangles_cross, axis=1) * np.linalg.norm(arms, axis=1)
         # A flat or wavy sheet has no outside; only a clear majority turns one round.
-        turned[~closed] = outward < -0.1 * reach[~closed[labels]].sum() / 6
+        turned[~closed] = volumes[~closed].sum() < -0.1 * reach[openly].sum() / 6
     return np.asarray(turned[labels])
+
+
+def _winding_number(triangles: Array, point: Array) -> float:
+    """Return how often closed triangles (n, 3, 3) wind around a point: their solid angles over 4 pi.
+
+    The solid angle of a triangle is that of Van Oosterom and Strackee (1983), IEEE Trans. Biomed. Eng. 30.
+    """
+    a, b, c = np.swapaxes(triangles - point, 0, 1)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    bc, ca, ab = (np.einsum("ij,ij->i", u, v) for u, v in ((b, c), (c, a), (a, b)))
+    angles = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(angles.sum() / (4 * np.pi))
