@@ -165,18 +165,16 @@ class _Problem:
 
 def _contexts(
     session: Session, todo: Sequence[SessionTrial], parameters: IngestParameters, workers: int
-) -> Mapping[tuple[str, str | None], Context]:
+) -> Mapping[str, Context]:
     """Prepare each hand and object that the trials need, once; a failure rejects just those trials."""
-    hands = [
-        (name, side) for name in _unique(t.subject for t in todo) for side in session.subjects[name].sides
-    ]
+    hands = _unique((t.subject, side) for t in todo for side in session.sides_of(t))
     objects = [name for name in _unique(t.object for t in todo) if name is not None]
     with Parallel(n_jobs=min(workers, max(1, len(hands) + len(objects)))) as parallel:
         prepared_hands = parallel(delayed(_hand)(session, n, s, parameters) for n, s in hands)
         prepared_objects = parallel(delayed(_object)(session, n, parameters) for n in objects)
     by_hand = dict(zip(hands, prepared_hands, strict=True))
     by_object = dict(zip(objects, prepared_objects, strict=True))
-    return {(trial.subject, trial.object): _context(session, trial, by_hand, by_object) for trial in todo}
+    return {trial.name: _context(session, trial, by_hand, by_object) for trial in todo}
 
 
 def _context(
@@ -185,7 +183,7 @@ def _context(
     hands: Mapping[tuple[str, Side], PreparedHand | _Problem],
     objects: Mapping[str, PreparedObject | _Problem],
 ) -> Context:
-    found = {side: hands[trial.subject, side] for side in session.subjects[trial.subject].sides}
+    found = {side: hands[trial.subject, side] for side in session.sides_of(trial)}
     thing = objects[trial.object] if trial.object is not None else None
     needed = [*found.values(), thing]
     return Context(
@@ -214,12 +212,12 @@ def _object(session: Session, name: str, parameters: IngestParameters) -> Prepar
 def _processed(
     session: Session,
     todo: Sequence[SessionTrial],
-    contexts: Mapping[tuple[str, str | None], Context],
+    contexts: Mapping[str, Context],
     parameters: IngestParameters,
     workers: int,
 ) -> Iterator[TrialTables]:
     """Yield the rows of each trial as it is done, in the order of the manifest."""
-    tasks = (delayed(process_trial)(session, t, contexts[t.subject, t.object], parameters) for t in todo)
+    tasks = (delayed(process_trial)(session, t, contexts[t.name], parameters) for t in todo)
     yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch=workers)(tasks)
 
 

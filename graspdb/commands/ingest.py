@@ -15,9 +15,9 @@ def ingest(
     sessions: Annotated[
         list[Path], typer.Argument(metavar="SESSION...", help="Folders of sessions, or their manifests.")
     ],
-    db: Annotated[Path, typer.Option(envvar="GRASPDB", help="Folder of the database; made if absent.")] = Path(
-        "grasps"
-    ),
+    db: Annotated[
+        Path, typer.Option(envvar="GRASPDB", help="Folder of the database; made if absent.")
+    ] = Path("grasps"),
     workers: Annotated[int, typer.Option(min=1, help="Processes that follow trials side by side.")] = 1,
     data_root: Annotated[
         Path | None, typer.Option(help="Folder of the manifest's files, if not the session's own.")
@@ -63,8 +63,7 @@ def summary(report: "IngestReport") -> str:
     counts = ", ".join(f"{outcomes.count(o)} {o}" for o in dict.fromkeys(outcomes))
     grasps = sum(trial.n_grasps or 0 for trial in report.trials)
     lines = [f"{report.session}: {len(report.trials)} trials ({counts or 'none'}), {grasps} new grasps"]
-    for trial in report.rejected:
-        lines.append(f"  rejected {trial.trial}: {'; '.join(trial.reasons)}")
+    lines.extend(f"  rejected {trial.trial}: {'; '.join(trial.reasons)}" for trial in report.rejected)
     return "\n".join(lines)
 
 

@@ -14,7 +14,6 @@ from graspdb.simulate.motion import Events
 from graspdb.simulate.subjects import SimulatedSubject, placements_of
 from graspdb_ingest.hand import HandDimensions
 from graspdb_schemas.errors import RecordingError
-from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import Side
 
 Floats = NDArray[np.float64]

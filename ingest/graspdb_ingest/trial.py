@@ -110,14 +110,16 @@ def track_trial(
         followed = TrackedObject(
             prepared,
             track_object(
-                np.asarray(markers.object, dtype=np.float64),
+                markers.object_markers,
                 np.asarray(prepared.marker_positions, dtype=np.float64),
                 parameters.pose,
             ),
         )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(hand.hand, markers.hands[side], markers.rate, hand.prior, parameters.tracking)
+        track = track_hand(
+            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
+        )
         _check(track, side, parameters)
         tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
     return TrackedTrial(markers, followed, tracked)
