@@ -10,7 +10,7 @@ import typer
 from graspdb.commands.options import DEFAULT_DB, Db, Json
 
 if TYPE_CHECKING:
-    from graspdb.ingest import IngestReport
+    from graspdb.ingestion import IngestReport
 
 
 def ingest(
@@ -50,7 +50,7 @@ def run_with_progress(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from graspdb.ingest import TrialReport, ingest
+    from graspdb.ingestion import TrialReport, ingest
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:

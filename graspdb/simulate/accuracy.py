@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from graspdb.database import Database
-from graspdb.ingest import read_session
+from graspdb.ingestion import read_session
 from graspdb.simulate.truth import TrialTruth, load_truth
 from graspdb_ingest.hand.model import Floats
 from graspdb_schemas.vocabulary import TIPS

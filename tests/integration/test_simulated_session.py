@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 import graspdb
-from graspdb.ingest import ingest
+from graspdb.ingestion import ingest
 from graspdb.simulate import NoiseParameters, simulate_session
 from graspdb.simulate.accuracy import Accuracy, measure_accuracy
 from graspdb.store import Outcome

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graspdb
-from graspdb.ingest import ingest
+from graspdb.ingestion import ingest
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 
