@@ -2,7 +2,6 @@
 
 import copy
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -319,8 +318,8 @@ def test_two_trials_of_one_name_are_refused(folder: Path) -> None:
 
 def test_a_link_that_leads_out_is_refused_and_one_that_stays_is_not(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "secret.c3d").write_bytes(b"x")
-    os.symlink(tmp_path / "secret.c3d", folder / "trials/link.c3d")
-    os.symlink(folder / "trials/rom.c3d", folder / "trials/inside.c3d")
+    (folder / "trials/link.c3d").symlink_to(tmp_path / "secret.c3d")
+    (folder / "trials/inside.c3d").symlink_to(folder / "trials/rom.c3d")
     (problem,) = problems_of(folder, changed("trials/0/file", "trials/link.c3d"))
     assert "leads to" in problem.found
     write(folder, changed("trials/0/file", "trials/inside.c3d"))
