@@ -8,7 +8,7 @@ import ezc3d
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.readers.c3d_structure import C3DStructure, check_structure, read_points
+from graspdb_ingest.readers.c3d_structure import BLOCK, C3DStructure, check_structure, read_points
 from graspdb_ingest.readers.registry import reader
 from graspdb_ingest.readers.timing import check_frame_count, stated_rate
 from graspdb_ingest.readers.trajectories import scale_of, trajectories
@@ -81,15 +81,24 @@ def _points(
     if structure.open_ended:
         stated = _long_count(file["parameters"])
         wanted = structure.present if stated is None else stated
+        check_frame_count(path, str(wanted), structure.present)
         if len(points) < wanted:
-            check_frame_count(path, str(wanted), structure.present)
             if not structure.plain_floats:
                 found = f"it has {wanted} frames, of which its header lets {len(points)} be read"
                 raise RecordingError(path, found, "Export it in parts of fewer than 65535 frames.")
             both = read_points(path, structure, wanted).astype(np.float64)
-            return both[..., :3], both[..., 3]
+            points, residuals = both[..., :3], both[..., 3]
+        if stated is None:
+            wanted -= _padding(points[:wanted], structure)
         points, residuals = points[:wanted], residuals[:wanted]
     return np.array(points, dtype=np.float64), np.asarray(residuals)
+
+
+def _padding(points: NDArray[np.float64], structure: C3DStructure) -> int:
+    """Return how many frames at the end are the zeros that fill the file's last block."""
+    most = BLOCK // (2 * structure.frame_values)
+    tail = np.nan_to_num(points[max(0, len(points) - most) :]).any(axis=(1, 2))
+    return int(tail.size - np.flatnonzero(tail).max(initial=-1) - 1)
 
 
 def _long_count(parameters: Mapping[str, Any]) -> int | None:

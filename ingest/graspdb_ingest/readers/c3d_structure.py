@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from graspdb_ingest.readers.timing import check_frame_count
 from graspdb_schemas.errors import RecordingError
 
-_BLOCK: Final = 512
+BLOCK: Final = 512
+"""Bytes of which files consist in whole numbers."""
 _PROCESSORS: Final = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}
 """Byte order of integers, and the byte with a float's sign, by processor: Intel, DEC, MIPS."""
 _TYPES: Final = {-1: 1, 1: 1, 2: 2, 4: 4}
@@ -68,13 +69,13 @@ def check_structure(path: Path) -> C3DStructure:
         If it is no C3D file, is damaged, or is cut short.
     """
     data = np.memmap(path, dtype=np.uint8, mode="r")
-    header = bytes(data[:_BLOCK])
+    header = bytes(data[:BLOCK])
     if len(header) < 2 or header[1] != 0x50:
         raise RecordingError(path, "it does not start as a C3D file does", "Give the file its true ending.")
-    start = (header[0] - 1) * _BLOCK
-    if len(header) < _BLOCK or start < _BLOCK or start + _BLOCK > data.size:
+    start = (header[0] - 1) * BLOCK
+    if len(header) < BLOCK or start < BLOCK or start + BLOCK > data.size:
         _cut_short(path, "in its header")
-    section = bytes(data[start : start + 255 * _BLOCK])
+    section = bytes(data[start : start + 255 * BLOCK])
     processor = section[3]
     if processor not in _PROCESSORS:
         _damaged(path, f"its parameters are for an unknown processor ({processor})")
@@ -163,7 +164,7 @@ def _count_frames(path: Path, header: bytes, processor: int, frames: int | None,
     points, analog, first, last = struct.unpack_from(f"{order}4H", header, 2)
     (block,) = struct.unpack_from(f"{order}H", header, 16)
     is_float = bool(header[12 + sign] & 0x80)  # a negative scale means that coordinates are floats
-    start = (block - 1) * _BLOCK
+    start = (block - 1) * BLOCK
     if points == 0:
         raise RecordingError(path, "it holds no markers", "Export it with its marker trajectories.")
     if block == 0 or start > size:
