@@ -7,14 +7,9 @@ from typing import Annotated, Final
 
 import typer
 
-from graspdb.commands.check import check
-from graspdb.commands.demo import demo
-from graspdb.commands.hand import hand
 from graspdb.commands.info import info
-from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
 from graspdb.commands.schema import schema
-from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb_schemas.errors import GraspDBError
 
@@ -28,15 +23,10 @@ app = typer.Typer(
     context_settings={"max_content_width": 100},
 )
 
-app.command()(demo)
-app.command()(simulate)
-app.command()(check)
-app.command()(ingest)
 app.command()(info)
 app.command()(schema)
 app.command()(sql)
 app.command()(query)
-app.command()(hand)
 
 _FAILURE: Final = 1
 _INTERRUPTED: Final = 128 + signal.SIGINT
@@ -64,7 +54,7 @@ def main() -> None:
     What a user can cause is said in one message on standard error, without a traceback.
     """
     try:
-        app()
+        app(prog_name="graspdb")
     except GraspDBError as error:
         _fail(str(error))
     except KeyboardInterrupt:

@@ -88,18 +88,12 @@ def read_grasp(engine: Engine, key: str) -> Grasp:
     QueryError
         There is no such grasp.
     """
-    found = engine.sql("SELECT * FROM grasps WHERE grasp = $grasp", {"grasp": key}).table.to_pylist()
+    found = _rows_of(engine, "grasps", key)
     if not found:
         raise _no_grasp(engine, key)
     row = found[0]
-    contacts = {
-        contact["site"]: contact
-        for contact in engine.sql(
-            "SELECT * FROM contacts WHERE grasp = $grasp", {"grasp": key}
-        ).table.to_pylist()
-    }
-    features = engine.sql("SELECT * FROM features WHERE grasp = $grasp", {"grasp": key}).table.to_pylist()
-    feature = features[0] if features else {}
+    contacts = {contact["site"]: contact for contact in _rows_of(engine, "contacts", key)}
+    feature = next(iter(_rows_of(engine, "features", key)), {})
     points = np.array(feature.get("points") or [], dtype=np.int32)
     cloud, normals = _cloud(engine, row["trial"], points)
     touching = [contacts[site] for site in row["contact_sites"] or () if site in contacts]
@@ -125,6 +119,12 @@ def read_grasp(engine: Engine, key: str) -> Grasp:
     )
 
 
+def _rows_of(engine: Engine, table: str, key: str) -> list[dict[str, Any]]:
+    """Return the rows of a table that belong to a grasp."""
+    rows = engine.sql(f"SELECT * FROM {table} WHERE grasp = $grasp", {"grasp": key}).table
+    return list(rows.to_pylist())
+
+
 def _cloud(engine: Engine, trial: str, points: NDArray[np.int32]) -> tuple[Floats, Floats]:
     """Return positions and normals of points, from the very rows of the object that the trial stands on."""
     table = engine.sql(
@@ -142,10 +142,8 @@ def _cloud(engine: Engine, trial: str, points: NDArray[np.int32]) -> tuple[Float
 
 def _rows(values: list[Any] | None) -> Floats:
     """Return vectors as an array of shape (n, 3), NaN where one is missing."""
-    missing = [np.nan] * 3
-    return np.array([missing if value is None else value for value in values or ()], dtype=float).reshape(
-        -1, 3
-    )
+    vectors = [[np.nan] * 3 if value is None else value for value in values or ()]
+    return np.array(vectors, dtype=float).reshape(-1, 3)
 
 
 def _floats(values: list[Any] | None, shape: tuple[int, ...]) -> Floats:

@@ -133,7 +133,8 @@ def _write_table(rows: Stream, text: IO[str]) -> None:
 
 def _rows(rows: Stream) -> Iterator[tuple[Any, ...]]:
     for batch in rows:
-        yield from zip(*(column.to_pylist() for column in batch.columns), strict=True)
+        columns = [column.to_pylist(maps_as_pydicts="lossy") for column in batch.columns]
+        yield from zip(*columns, strict=True)
 
 
 def _cell(value: Any) -> Any:
@@ -161,9 +162,7 @@ def _plain(value: Any) -> Any:
     """Return a value of which JSON can be made."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    if isinstance(value, tuple):
+    if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}

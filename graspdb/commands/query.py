@@ -8,7 +8,7 @@ from graspdb.commands.options import DEFAULT_DB, Db, Format, FormatOption, Outpu
 
 
 def query(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Name of the query.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Name of the query.")] = None,
     param: Annotated[
         list[str] | None,
         typer.Option("--param", metavar="KEY=VALUE", help="A parameter of the query; may be repeated."),
@@ -54,8 +54,9 @@ def _list() -> None:
     for named in named_queries().values():
         typer.echo(f"{named.name}: {named.title}")
         for parameter in named.parameters:
-            default = "required" if parameter.required else f"default {parameter.default}"
-            typer.echo(f"  --param {parameter.name}={parameter.kind:<8}  {parameter.doc} ({default})")
+            default = f" (default {parameter.default})" if parameter.default is not None else ""
+            must = " (must be given)" if parameter.required else default
+            typer.echo(f"  --param {parameter.name}=<{parameter.kind}>  {parameter.doc}{must}")
         for column in named.columns:
             typer.echo(f"  {column.name:<18}  {column.doc}")
         if named.notes:
