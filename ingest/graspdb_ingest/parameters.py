@@ -63,6 +63,10 @@ class TrackingParameters:
         The same for its rotation [rad/s^1.5].
     minimum_start_markers : int
         Markers that a frame needs to start from.
+    minimum_tracked : float
+        Share of the frames in which the hand must be known; a trial with less is rejected.
+    maximum_residual : float
+        A trial whose median marker residual is above this is rejected [m].
     """
 
     marker_sd: float = 0.0015
@@ -71,6 +75,8 @@ class TrackingParameters:
     translation_acceleration: float = 5.0
     rotation_acceleration: float = 30.0
     minimum_start_markers: int = 6
+    minimum_tracked: float = 0.5
+    maximum_residual: float = 0.010
 
 
 @dataclass(frozen=True)
@@ -80,25 +86,35 @@ class EventParameters:
     Attributes
     ----------
     rest_speed : float
-        An object slower than this is at rest [m/s].
+        An object whose height changes slower than this is at rest [m/s].
+    minimum_rest : float
+        Shortest rest that a lift can start from [s]; a turning point of a path is shorter.
     lift_height : float
         An object raised by more than this has been lifted [m].
     minimum_hold : float
-        Shortest hold [s].
+        Shortest time with `minimum_sites` in contact that is a hold [s].
     minimum_gap : float
-        Holds nearer to each other than this are one [s].
+        Holds nearer to each other than this are one, and a hold outlasts data missing for no
+        longer than this [s].
     minimum_sites : int
         Sites in contact that make a hold.
+    release_margin : float
+        A touching sphere is released when its gap exceeds h by more than this [m].
+    steady_contacts : float
+        Share of a hold's largest number of touching sites that its steadiest frame must have.
     smoothing : float
-        Cut-off of the low-pass filter on the object's path [Hz].
+        Cut-off of the low-pass filter on the paths of object and hand [Hz].
     """
 
-    rest_speed: float = 0.02
+    rest_speed: float = 0.015
+    minimum_rest: float = 0.1
     lift_height: float = 0.005
     minimum_hold: float = 0.15
     minimum_gap: float = 0.15
     minimum_sites: int = 2
-    smoothing: float = 8.0
+    release_margin: float = 0.004
+    steady_contacts: float = 0.8
+    smoothing: float = 6.0
 
 
 @dataclass(frozen=True)

@@ -111,11 +111,13 @@ class SessionTrial:
     repetition : int or None
         Which time.
     start, end : float or None
-        Part of the recording to use [s].
+        Part of the recording to use, in the recording's own time [s].
     glove, reference_contacts : Path or None
         Joint angles of a data glove; measured centres of pressure.
     attributes : mapping
         Further keys of the trial.
+    sides : tuple of Side
+        The hands in this recording, where they are not all that the subject has recorded; else empty.
     """
 
     name: str
@@ -130,6 +132,7 @@ class SessionTrial:
     glove: Path | None = None
     reference_contacts: Path | None = None
     attributes: Mapping[str, Any] | None = None
+    sides: tuple[Side, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -152,6 +155,7 @@ class Session:
         Hand markers by label in the marker set.
     marker_names : mapping of str to str
         Label in the files -> label in the marker set (or of an object's marker), where they differ.
+        Where a trial has both hands, the marker set's labels stand behind ``right_`` or ``left_``.
     subjects, objects : mappings by name
         Who, and what.
     trials : tuple of SessionTrial
@@ -171,3 +175,7 @@ class Session:
     objects: Mapping[str, SessionObject]
     trials: tuple[SessionTrial, ...]
     raw: Mapping[str, Any]
+
+    def sides_of(self, trial: SessionTrial) -> tuple[Side, ...]:
+        """Return the hands in a trial's recording: what the trial says, else what its subject does."""
+        return trial.sides or self.subjects[trial.subject].sides

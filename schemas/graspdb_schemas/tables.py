@@ -131,6 +131,7 @@ TRIALS: Final = pa.schema(
             "m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
         _INGEST_ID,
     ]
 )
@@ -254,6 +255,15 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "features": FEATURES,
 }
 """Every table by name."""
+
+SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_points")
+"""Tables whose rows several trials share; a trial names the rows it stands on in its `context`."""
+
+TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features")
+"""Tables whose rows belong to one trial and carry its ingest_id."""
+
+STORE_COLUMNS: Final = ("ingest_id", "context")
+"""Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
     "sessions": "one row a session",

@@ -1,0 +1,40 @@
+# Every target makes the environment in .venv first, system libraries included, where that is not done yet.
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-lowest lint types bench docs lock clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+
+setup: ## make .venv with graspdb and all it needs
+	@tools/setup.sh
+
+demo: setup ## simulate a session, ingest it into demo/ and show what came out
+	.venv/bin/graspdb demo demo
+
+test: setup ## run the tests
+	.venv/bin/python -m pytest
+
+test-lowest: ## run the tests with the lowest versions that pyproject.toml allows
+	@tools/setup.sh .venv-lowest constraints-lowest.txt
+	.venv-lowest/bin/python -m pytest
+
+lint: setup ## check style and docstrings
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+
+types: setup ## check types
+	.venv/bin/mypy
+
+bench: setup ## run the benchmarks, print a table and write bench.json
+	.venv/bin/python tests/benchmarks/run.py
+
+docs: setup ## write the pages of docs/ that come from the code
+	.venv/bin/python tools/write_docs.py
+
+lock: ## write constraints.txt and constraints-lowest.txt anew
+	@tools/lock.sh
+
+clean: ## remove environments, caches and built files
+	rm -rf .venv .venv-lowest build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,121 @@
+"""Contact sites: the paper's section II.C, equations 2 and 3.
+
+Distances are taken in the object's frame: the 20 sphere centres move, the cloud and its search
+tree stay, which is the same as moving the cloud by equation 1 and much cheaper.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.cloud import ObjectCloud
+from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, SITES
+
+NO_POINT = -1
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Signed distances of spheres to an object's cloud.
+
+    Attributes
+    ----------
+    gap : ndarray, shape (..., 20)
+        ``min_i ||P_i - J_k|| - r_k`` [m]; below zero where the sphere reaches over the nearest
+        point; NaN where the centre is not known.
+    nearest : ndarray of int, shape (..., 20)
+        Index of that point in the cloud, -1 where the centre is not known.
+    """
+
+    gap: Floats
+    nearest: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The touching spheres of one hand and frame, in the order of the sites.
+
+    Attributes
+    ----------
+    sites : ndarray of int, shape (k,)
+        Places in `SITES`.
+    points : ndarray of int, shape (k,)
+        Contact points C_k, as indices of the cloud.
+    positions, normals : ndarray, shape (k, 3)
+        The contact points and the outward normals there, object frame [m].
+    gap : ndarray, shape (k,)
+        Signed distances [m].
+    """
+
+    sites: NDArray[np.int64]
+    points: NDArray[np.int64]
+    positions: Floats
+    normals: Floats
+    gap: Floats
+
+    @property
+    def site_names(self) -> tuple[str, ...]:
+        """Names of the touching sites."""
+        return tuple(SITES[i] for i in self.sites)
+
+    @property
+    def digits(self) -> tuple[str, ...]:
+        """Digits in contact, thumb first, each once."""
+        touching = {DIGIT_OF_SITE[i] for i in self.sites}
+        return tuple(digit for digit in DIGITS if digit in touching)
+
+
+def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
+    """Return the signed distance of every sphere to the cloud, equation 2 less the radius.
+
+    Parameters
+    ----------
+    centres : ndarray, shape (..., 20, 3)
+        Sphere centres J_k in the object frame [m]; NaN where not known.
+    radii : ndarray, shape (20,)
+        Sphere radii r_k [m].
+    cloud : ObjectCloud
+        The object's surface P_i.
+
+    Returns
+    -------
+    Gaps
+        Distances and nearest points, in time n log m for n centres and m points. The distance is
+        computed anew from the nearest point, so that it is equation 2 to the last bit.
+    """
+    known = np.isfinite(centres).all(axis=-1)
+    gap = np.full(known.shape, np.nan)
+    nearest = np.full(known.shape, NO_POINT, dtype=np.int64)
+    found = centres[known]
+    _, points = cloud.tree.query(found)
+    gap[known] = np.sqrt(np.sum((cloud.points[points] - found) ** 2, axis=-1))
+    nearest[known] = points
+    return Gaps(gap=gap - radii, nearest=nearest)
+
+
+def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
+    """Return the touching spheres of one frame: those whose gap is below h.
+
+    The paper's sentence under equation 3 says 'not in contact'; its next sentence and its figures
+    show that the touching ones are meant.
+
+    Parameters
+    ----------
+    gap, nearest : ndarray, shape (20,)
+        One frame of `Gaps`.
+    threshold : float
+        h of equation 3 [m].
+    cloud : ObjectCloud
+        The object's surface.
+    """
+    sites = np.flatnonzero(gap < threshold)
+    points = nearest[sites]
+    return Contacts(
+        sites=sites,
+        points=points,
+        positions=cloud.points[points],
+        normals=cloud.normals[points],
+        gap=gap[sites],
+    )

@@ -1,0 +1,81 @@
+"""Fast repeated kinematics of one hand: a workspace that inner loops move from frame to frame."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from graspdb_ingest.hand.model import Floats, HandModel
+
+
+class Kinematics:
+    """Marker and site positions of a hand, with their Jacobians, for one configuration at a time.
+
+    It keeps MuJoCo's working memory between calls, so one workspace serves one thread. The model
+    inside is a private copy: calibration may move its joints and markers.
+
+    Parameters
+    ----------
+    hand : HandModel
+        The hand.
+    """
+
+    def __init__(self, hand: HandModel) -> None:
+        self.hand = hand
+        self.model: mujoco.MjModel = mujoco.MjModel.from_xml_string(hand.mjcf)
+        self._data = mujoco.MjData(self.model)
+        self._marker_ids = hand.marker_ids
+        self._site_ids = hand.site_ids
+        shape = (len(self._marker_ids), 3, hand.n_dof)
+        self._jacobian = np.zeros(shape)
+        self._targets = [(self._jacobian[i], int(site)) for i, site in enumerate(self._marker_ids)]
+
+    def move(self, q: Floats) -> None:
+        """Take configuration `q`, shape (n_q,)."""
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, self._data)
+
+    @property
+    def markers(self) -> Floats:
+        """Marker positions [m], shape (n_markers, 3)."""
+        return np.array(self._data.site_xpos[self._marker_ids])
+
+    @property
+    def sites(self) -> Floats:
+        """Sphere centres [m], shape (20, 3)."""
+        return np.array(self._data.site_xpos[self._site_ids])
+
+    @property
+    def body_rotations(self) -> Floats:
+        """world_from_body rotation of every body of the model, shape (n_bodies, 3, 3)."""
+        return np.array(self._data.xmat).reshape(-1, 3, 3)
+
+    @property
+    def body_positions(self) -> Floats:
+        """Origin of every body of the model [m], shape (n_bodies, 3)."""
+        return np.array(self._data.xpos)
+
+    def marker_jacobian(self) -> Floats:
+        """Return d(marker) / d(degree of freedom), shape (n_markers, 3, n_dof).
+
+        The array is the workspace's own and is overwritten by the next call.
+        """
+        mujoco.mj_comPos(self.model, self._data)
+        for target, site in self._targets:
+            mujoco.mj_jacSite(self.model, self._data, target, None, site)
+        return self._jacobian
+
+    def site_jacobian(self) -> Floats:
+        """Return d(site) / d(degree of freedom), shape (20, 3, n_dof)."""
+        mujoco.mj_comPos(self.model, self._data)
+        jacobian = np.empty((len(self._site_ids), 3, self.hand.n_dof))
+        for target, site in zip(jacobian, self._site_ids, strict=True):
+            mujoco.mj_jacSite(self.model, self._data, target, None, int(site))
+        return jacobian
+
+    def ancestors(self, body: int) -> NDArray[np.int32]:
+        """Return the bodies from the root to `body`, both included, without the world."""
+        chain: list[int] = []
+        while body > 0:
+            chain.append(body)
+            body = int(self.model.body_parentid[body])
+        return np.array(chain[::-1], dtype=np.int32)

@@ -1,0 +1,143 @@
+"""What is done once for a session, before its trials: clouds of objects, calibrated hands."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
+from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.hand.posture import PosturePrior, default_prior
+from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
+from graspdb_ingest.objects.fpfh import fpfh
+from graspdb_ingest.objects.mesh import Surface, load_surface
+from graspdb_ingest.parameters import CloudParameters, TrackingParameters
+from graspdb_ingest.readers import read_recording
+from graspdb_ingest.tracking.calibration import calibrate_hand
+from graspdb_ingest.trial_markers import select_markers
+from graspdb_schemas.errors import GraspDBError, TrackingError
+from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
+from graspdb_schemas.vocabulary import Side
+
+
+@dataclass(frozen=True)
+class PreparedObject:
+    """An object ready for contact: its surface, its cloud and the cloud's histograms.
+
+    Attributes
+    ----------
+    name : str
+        Key in the manifest.
+    surface : Surface
+        The mesh or cloud as loaded.
+    cloud : ObjectCloud
+        Evenly spaced points.
+    histograms : ndarray of float32, shape (n_points, 33)
+        FPFH of every point.
+    marker_labels : tuple of str
+        Its markers.
+    marker_positions : ndarray, shape (n_markers, 3)
+        Their places in the object frame [m].
+    """
+
+    name: str
+    surface: Surface
+    cloud: ObjectCloud
+    histograms: NDArray[np.float32]
+    marker_labels: tuple[str, ...]
+    marker_positions: Floats
+
+
+@dataclass(frozen=True)
+class PreparedHand:
+    """A subject's hand ready for tracking.
+
+    Attributes
+    ----------
+    subject : str
+        Name of the subject.
+    hand : HandModel
+        The calibrated hand.
+    prior : PosturePrior
+        Where its joints usually are.
+    calibrated_markers : tuple of str
+        Markers whose offsets the manifest left to be found.
+    before, after : ndarray, shape (n_markers,)
+        Rms distance of each marker to the model before and after calibration [m].
+    """
+
+    subject: str
+    hand: HandModel
+    prior: PosturePrior
+    calibrated_markers: tuple[str, ...]
+    before: Floats
+    after: Floats
+
+
+def prepare_object(described: SessionObject, parameters: CloudParameters) -> PreparedObject:
+    """Load an object's surface, sample its cloud and describe its points."""
+    surface = load_surface(described.mesh, described.mesh_scale)
+    cloud = sample_cloud(surface, parameters)
+    return PreparedObject(
+        name=described.name,
+        surface=surface,
+        cloud=cloud,
+        histograms=fpfh(cloud, parameters.fpfh_radius),
+        marker_labels=tuple(described.markers),
+        marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
+    )
+
+
+def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:
+    """Return the recordings a subject's hand is calibrated from: those named, else the own trials."""
+    own = tuple(trial.file for trial in session.trials if trial.subject == subject.name)
+    return subject.calibration or own
+
+
+def prepare_hand(
+    session: Session, subject: Subject, side: Side, parameters: TrackingParameters
+) -> PreparedHand:
+    """Build a subject's hand and calibrate it from the recordings that the manifest names for it.
+
+    A recording that cannot be read is left to its own trial to report.
+
+    Raises
+    ------
+    TrackingError
+        If no recording shows enough of the hand.
+    """
+    dimensions = HandDimensions(subject.hand_length, subject.hand_breadth, subject.joint_thickness)
+    hand = build_hand(dimensions, side, session.markers)
+    prior = default_prior(hand)
+    recordings = _hand_recordings(session, subject, side)
+    if not recordings:
+        raise TrackingError(
+            f"no recording of subject {subject.name} shows the {side} hand",
+            "Check the trials' files and marker_names in session.yaml.",
+        )
+    calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
+    return PreparedHand(
+        subject=subject.name,
+        hand=calibration.hand,
+        prior=prior,
+        calibrated_markers=tuple(m for m, place in session.markers.items() if place.calibrated),
+        before=calibration.before,
+        after=calibration.after,
+    )
+
+
+def _hand_recordings(session: Session, subject: Subject, side: Side) -> Sequence[Floats]:
+    found = []
+    for file in calibration_files(session, subject):
+        trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
+        own = next((t for t in session.trials if t.file == file), trial)
+        try:
+            recording = read_recording(file, session.file_scale)
+            markers = select_markers(recording, session, own).hands.get(side)
+        except GraspDBError:
+            continue
+        if markers is not None and np.isfinite(markers).any():
+            found.append(markers)
+    return found

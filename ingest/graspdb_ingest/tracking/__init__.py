@@ -1,0 +1,1 @@
+"""Hand tracking: the paper's section II.A, after Fu and Santello (2010)."""

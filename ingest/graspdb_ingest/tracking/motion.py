@@ -1,0 +1,112 @@
+"""How a hand moves when nobody looks: the filter's process model, one 2 x 2 block a degree of freedom.
+
+The free joint has white acceleration (nearly constant velocity). Joint angles are a Matern process
+with smoothness 3/2 about the mean posture, in its state-space form (Hartikainen and Sarkka 2010):
+left alone, they return to the posture prior, with its covariance, in a few of its time scales.
+So a joint that no marker shows goes where joints go, and its standard deviation says so.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from graspdb_ingest.hand.model import Floats, HandModel
+from graspdb_ingest.hand.posture import PosturePrior
+from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.fit import FREE
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """The step from one frame to the next: x' = A x + w for position and velocity of each dof.
+
+    Attributes
+    ----------
+    position_position, position_velocity, velocity_position, velocity_velocity : ndarray, shape (n_dof,)
+        The four elements of each degree of freedom's 2 x 2 transition A.
+    noise : ndarray, shape (2 * n_dof, 2 * n_dof)
+        Covariance of w, positions first.
+    stationary : ndarray, shape (2 * n_dof, 2 * n_dof)
+        Covariance of a hand of which nothing is known but that it is one: the prior for the
+        joint angles, a wide one for the free joint.
+    mean : ndarray, shape (n_dof,)
+        What the positions return to: the mean posture, zero for the free joint (unused there).
+    """
+
+    position_position: Floats
+    position_velocity: Floats
+    velocity_position: Floats
+    velocity_velocity: Floats
+    noise: Floats
+    stationary: Floats
+    mean: Floats
+
+    def predict_covariance(self, covariance: Floats) -> Floats:
+        """Return A P A^T + Q, shape (2 * n_dof, 2 * n_dof)."""
+        n = len(self.mean)
+        upper = self.position_position[:, None] * covariance[:n]
+        upper += self.position_velocity[:, None] * covariance[n:]
+        lower = self.velocity_position[:, None] * covariance[:n]
+        lower += self.velocity_velocity[:, None] * covariance[n:]
+        predicted = np.empty_like(covariance)
+        for rows, half in ((slice(None, n), upper), (slice(n, None), lower)):
+            predicted[rows, :n] = half[:, :n] * self.position_position
+            predicted[rows, :n] += half[:, n:] * self.position_velocity
+            predicted[rows, n:] = half[:, :n] * self.velocity_position
+            predicted[rows, n:] += half[:, n:] * self.velocity_velocity
+        predicted += self.noise
+        return predicted
+
+    def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Return the change of position over the step, and the velocity after it, each (n_dof,).
+
+        `offset` is the position minus `mean`; it plays no part for the free joint.
+        """
+        change = (self.position_position - 1) * offset + self.position_velocity * velocity
+        return change, self.velocity_position * offset + self.velocity_velocity * velocity
+
+
+def motion_model(
+    hand: HandModel, prior: PosturePrior, parameters: TrackingParameters, step: float
+) -> MotionModel:
+    """Build the process model for a time step [s].
+
+    Matern 3/2 with rate r = 1 / time scale: A = exp(-r t) [[1 + r t, t], [-r^2 t, 1 - r t]],
+    stationary covariance diag(1, r^2) times the prior's, Q = S - A S A^T. White acceleration of
+    spectral density s: A = [[1, t], [0, 1]], Q = s [[t^3/3, t^2/2], [t^2/2, t]].
+    """
+    n, rate = hand.n_dof, 1 / parameters.posture_time
+    decay = np.exp(-rate * step)
+    free = np.arange(n) < FREE
+    from_position = np.where(free, 1.0, decay * (1 + rate * step))
+    from_velocity = np.where(free, step, decay * step)
+    to_velocity = np.where(free, 0.0, -decay * rate**2 * step)
+    of_velocity = np.where(free, 1.0, decay * (1 - rate * step))
+    stationary = np.zeros((2 * n, 2 * n))
+    stationary[FREE:n, FREE:n] = prior.covariance
+    stationary[n + FREE :, n + FREE :] = rate**2 * prior.covariance
+    matrix = np.block(
+        [
+            [np.diag(from_position), np.diag(from_velocity)],
+            [np.diag(to_velocity), np.diag(of_velocity)],
+        ]
+    )
+    noise = stationary - matrix @ stationary @ matrix.T
+    density = np.repeat([parameters.translation_acceleration**2, parameters.rotation_acceleration**2], 3)
+    for i, s in enumerate(density):
+        noise[np.ix_([i, n + i], [i, n + i])] = s * np.array(
+            [[step**3 / 3, step**2 / 2], [step**2 / 2, step]]
+        )
+    wide = np.repeat([1.0, np.pi], 3)
+    stationary[range(FREE), range(FREE)] = wide**2
+    stationary[range(n, n + FREE), range(n, n + FREE)] = (wide / parameters.posture_time) ** 2
+    mean = np.concatenate([np.zeros(FREE), prior.mean])
+    return MotionModel(
+        position_position=from_position,
+        position_velocity=from_velocity,
+        velocity_position=to_velocity,
+        velocity_velocity=of_velocity,
+        noise=(noise + noise.T) / 2,
+        stationary=stationary,
+        mean=mean,
+    )
