@@ -1,1 +1,1 @@
-"""The commands of the command line, one module each; heavy imports happen inside the functions."""
+"""The commands of ``graspdb``, one module each; what is heavy is imported inside them."""

@@ -167,7 +167,7 @@ def _touching(gap: Floats, threshold: float, margin: float, reach: int) -> Mask:
     A sphere keeps its state while its gap is between the two thresholds, or unknown for no more
     than `reach` frames.
     """
-    lost = binary_opening(np.isnan(gap), structure=np.ones((reach + 1, 1)))
+    lost = binary_opening(np.isnan(gap), structure=np.ones((reach + 1, 1), dtype=np.bool_))
     on = gap < threshold
     decided = on | (gap > threshold + margin) | lost
     frames = np.arange(len(gap))[:, None]
@@ -189,10 +189,10 @@ def _contact_spans(gap: Floats, threshold: float, rate: float, parameters: Event
         for core in _joined_runs(touching.sum(axis=1) >= parameters.minimum_sites, reach)
         if core[1] - core[0] >= _frames(parameters.minimum_hold, rate)
     ]
-    below = (gap < threshold).any(axis=1)
-    known = np.isfinite(gap).any(axis=1)
+    below = np.asarray((gap < threshold).any(axis=1))
+    known = np.asarray(np.isfinite(gap).any(axis=1))
     spans = []
-    for start, stop in _joined_runs(touching.any(axis=1), reach):
+    for start, stop in _joined_runs(np.asarray(touching.any(axis=1)), reach):
         inside = [core for core in cores if start <= core[0] and core[1] <= stop]
         for i, core in enumerate(inside):
             outer_start = start if i == 0 else core[0]
@@ -219,7 +219,7 @@ def _smooth(values: Floats, rate: float, parameters: EventParameters) -> Floats:
     filter runs on; longer ones stay NaN and part the path in pieces.
     """
     smooth = np.full(values.shape, np.nan)
-    known = np.isfinite(values).all(axis=1)
+    known = np.asarray(np.isfinite(values).all(axis=1))
     sections = _low_pass(rate, parameters.smoothing)
     for start, stop in _joined_runs(known, _frames(parameters.minimum_gap, rate)):
         frames = np.arange(start, stop)
@@ -236,12 +236,11 @@ def _rise(gap: Floats, height: Floats, rate: float, parameters: EventParameters)
     """Return the object's height and its rest; where the height is unknown there is no rest."""
     smooth = _smooth(height[:, None], rate, parameters)[:, 0]
     speed = np.abs(np.gradient(smooth, 1 / rate))
-    known = np.isfinite(gap).any(axis=1) & np.isfinite(height)
     return _Rise(
         height=smooth,
         slow=speed < parameters.rest_speed,
         quick=speed > 4 * parameters.rest_speed,
-        known=known,
+        known=np.asarray(np.isfinite(gap).any(axis=1)),
     )
 
 
@@ -255,7 +254,7 @@ def _lift_onset(span: _Span, rise: _Rise, rate: float, parameters: EventParamete
     """
     reach = _frames(parameters.minimum_gap, rate)
     begin, end = max(0, span.first - reach), span.last + 1
-    highest = np.inf if span.begun else np.nanmin(rise.height) + parameters.lift_height
+    highest = np.inf if span.begun else np.fmin.reduce(rise.height) + parameters.lift_height
     rests = [
         (max(start, begin), min(stop, end))
         for start, stop in _runs(rise.slow)
@@ -269,10 +268,9 @@ def _lift_onset(span: _Span, rise: _Rise, rate: float, parameters: EventParamete
             continue
         before = slice(start, stop + int(above[0]))
         low = rise.height[before] < base + parameters.lift_height / 2
-        still = np.flatnonzero(rise.slow[before] & rise.known[before] & low)
-        if len(still):
-            onset = start + int(still[-1])
-            return max(span.first, _before_threshold(onset, start, until, rise, reach))
+        still = start + int(np.flatnonzero(rise.slow[before] & low)[-1])
+        onset = max(span.first, _before_threshold(still, start, until, rise, reach))
+        return span.first + int(np.flatnonzero(rise.known[span.first : onset + 1])[-1])
     return None
 
 
@@ -287,8 +285,7 @@ def _before_threshold(onset: int, start: int, until: int, rise: _Rise, longest: 
     quick = np.flatnonzero(rise.quick[onset:until])
     if not len(quick):
         return onset
-    earliest = max(start, onset - min(int(quick[0]) // 2, longest))
-    return earliest + int(np.argmax(rise.known[earliest : onset + 1]))
+    return max(start, onset - min(int(quick[0]) // 2, longest))
 
 
 def _put_down(span: _Span, onset: int, rise: _Rise, rate: float, parameters: EventParameters) -> int | None:
@@ -296,7 +293,9 @@ def _put_down(span: _Span, onset: int, rise: _Rise, rate: float, parameters: Eve
 
     An object that is not released has been put down only if it is back at the height it came from.
     """
-    heights = rise.height[onset : span.last + 1]
+    # The hand may let go just before the object lies still, so look a little further.
+    end = span.last + 1 + _frames(parameters.minimum_gap, rate)
+    heights = rise.height[onset:end]
     final = heights[np.isfinite(heights)][-1]
     if not span.released and abs(final - heights[0]) > parameters.lift_height:
         return None
@@ -304,8 +303,6 @@ def _put_down(span: _Span, onset: int, rise: _Rise, rate: float, parameters: Eve
     if not len(away):
         return None
     after = onset + int(away[-1]) + 1
-    # The hand may let go at the very moment when the object lands.
-    end = span.last + 1 + _frames(parameters.minimum_gap, rate)
     still = np.flatnonzero(rise.slow[after:end] & rise.known[after:end])
     return after + int(still[0]) if len(still) else None
 

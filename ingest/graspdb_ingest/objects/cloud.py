@@ -1,30 +1,23 @@
-"""An object's surface as an even point cloud: the paper's p_i (section II.B)."""
+"""An object's surface as a cloud of evenly spaced points: the p_i of equation 1."""
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from graspdb_ingest.objects.mesh import Surface
-from graspdb_ingest.objects.open3d_library import load_open3d
+from graspdb_ingest.objects.normals import estimate_normals, point_areas
+from graspdb_ingest.objects.scatter import scatter, thin
 from graspdb_ingest.parameters import CloudParameters
+from graspdb_ingest.rigid import Array
 from graspdb_schemas.errors import ParameterError
 
-Array = NDArray[np.float64]
+LEAST_TO_MEAN: Final = 0.9
+"""Least distance of neighbours over their mean distance, in a cloud spread by dart throwing."""
 
-LEAST_DISTANCE: Final = 0.92
-"""Least distance of two points over the spacing asked for; their mean distance is then the spacing."""
-CANDIDATES: Final = 10
-"""Random points drawn for each point that is kept, about."""
-MOST_POINTS: Final = 500_000
-TURN: Final = 0.6
-"""Weight of the normal in the distance of two candidates: the two sides of a thin wall stay apart."""
-NEIGHBOURS: Final = 12
-"""Neighbours from which the normal and the area of a bare cloud's point are estimated."""
+MOST_POINTS: Final = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +27,11 @@ class ObjectCloud:
     Attributes
     ----------
     points : ndarray, shape (n, 3)
-        Positions p_i [m].
+        Positions [m]; exact in single precision, so that what is stored is what was computed with.
     normals : ndarray, shape (n, 3)
         Outward unit normals.
     areas : ndarray, shape (n,)
-        Surface area that each point stands for [m2]; they sum to the surface's area.
+        Surface area that each point stands for [m2].
     spacing : float
         Mean distance of a point to its nearest neighbour that was asked for [m].
     """
@@ -48,90 +41,68 @@ class ObjectCloud:
     areas: Array
     spacing: float
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the search tree behind; it is built again where it is needed."""
-        return {name: self.__dict__[name] for name in ("points", "normals", "areas", "spacing")}
-
     @cached_property
     def tree(self) -> cKDTree:
-        """Search tree over the points."""
+        """The points as a k-d tree, built once."""
         return cKDTree(self.points)
 
 
-def sample_cloud(surface: Surface, parameters: CloudParameters) -> ObjectCloud:
+def sample_cloud(surface: Surface, parameters: CloudParameters | None = None) -> ObjectCloud:
     """Spread points evenly over a surface.
 
-    A mesh is covered with random candidates, of which every one is kept that is not too near to
-    one kept before (dart throwing); each kept point stands for the area of the candidates nearest
-    to it. A bare cloud is thinned in the same way. Equal surface, parameters and seed give equal
-    points, bit for bit.
+    On a mesh no two points of one side are nearer than 0.9 of the spacing, and their mean distance to the
+    nearest neighbour is the spacing; both sides of a thin wall get all their points. A bare cloud is
+    thinned to the same spacing where it is denser; normals that its file does not give are estimated.
 
     Parameters
     ----------
     surface : Surface
-        The mesh or cloud.
-    parameters : CloudParameters
-        Spacing and seed.
+        Mesh or cloud [m].
+    parameters : CloudParameters, optional
+        Spacing and seed; the same ones give the same cloud, bit for bit.
+
+    Returns
+    -------
+    ObjectCloud
+        The cloud. The areas sum to the area of a mesh.
 
     Raises
     ------
     ParameterError
-        If the spacing is not positive, or so small that the cloud would have too many points.
+        If the spacing is not a positive number, or would take more than a million points.
     """
+    parameters = parameters or CloudParameters()
     spacing = parameters.spacing
-    if not spacing > 0:
-        raise ParameterError("cloud.spacing", spacing, "a positive length in metres")
-    if surface.faces is None:
-        return _thinned(surface, spacing)
-    area = float(surface.area or 0.0)
-    if area / spacing**2 > MOST_POINTS:
-        least = np.sqrt(area / MOST_POINTS)
-        raise ParameterError(
-            "cloud.spacing", spacing, f"at least {least:.2g} m for a surface of {area:.3g} m2"
-        )
-    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    count = max(4 * NEIGHBOURS, int(CANDIDATES * area / spacing**2))
-    candidates, faces = trimesh.sample.sample_surface(mesh, count, seed=parameters.seed)[:2]
-    candidates, normals = np.asarray(candidates, dtype=float), np.asarray(mesh.face_normals)[faces]
-    placed = np.hstack([candidates, TURN * LEAST_DISTANCE * spacing * normals])
-    kept = _apart(placed, LEAST_DISTANCE * spacing)
-    owners = cKDTree(placed[kept]).query(placed)[1]
-    areas = np.bincount(owners, minlength=int(kept.sum())).astype(np.float64)
-    areas *= area / len(candidates)
-    return ObjectCloud(candidates[kept], normals[kept], areas, spacing)
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ParameterError("cloud.spacing", spacing, "a positive distance in metres")
+    distance = LEAST_TO_MEAN * spacing
+    if surface.faces is None or surface.area is None:
+        return _thinned(surface, distance, parameters)
+    least = float(np.sqrt(surface.area / MOST_POINTS))
+    if spacing < least:
+        allowed = f"at least {least:.2g} m for a surface of {surface.area:.2g} m2"
+        raise ParameterError("cloud.spacing", spacing, allowed)
+    spread = scatter(surface.vertices, surface.faces, distance, parameters.seed)
+    return ObjectCloud(_single(spread.points), spread.normals, spread.areas, spacing)
 
 
-def _thinned(surface: Surface, spacing: float) -> ObjectCloud:
-    """Return a bare cloud without points nearer than the least distance, with estimated areas."""
-    kept = _apart(surface.vertices, LEAST_DISTANCE * spacing)
-    points = surface.vertices[kept]
-    normals = _estimated_normals(points) if surface.normals is None else surface.normals[kept]
-    count = min(NEIGHBOURS, len(points))
-    reach = np.asarray(cKDTree(points).query(points, k=[count])[0])[:, 0]
-    areas = np.pi * reach**2 / (count - 0.5)  # the disc to the last neighbour holds it half
-    return ObjectCloud(points, normals, areas, spacing)
+def _thinned(surface: Surface, distance: float, parameters: CloudParameters) -> ObjectCloud:
+    """Return a bare cloud with points left out until it is as even as one spread over a mesh."""
+    rng = np.random.default_rng(parameters.seed)
+    # One point of each voxel first: pairs within the distance would be too many in a dense cloud.
+    voxels = np.floor(surface.vertices / (distance / 2)).astype(np.int64)
+    order = rng.permutation(len(voxels))
+    first = np.sort(order[np.unique(voxels[order], axis=0, return_index=True)[1]])
+    points = surface.vertices[first]
+    # Normals from the denser points tell the sides of thin walls apart.
+    normals = estimate_normals(points) if surface.normals is None else surface.normals[first]
+    kept = thin(points, normals, distance, rng)
+    chosen = _single(points[kept])
+    if len(chosen) < 4:
+        allowed = f"a distance [m] that leaves more than {len(chosen)} points of the cloud"
+        raise ParameterError("cloud.spacing", parameters.spacing, allowed)
+    return ObjectCloud(chosen, normals[kept], point_areas(chosen), parameters.spacing)
 
 
-def _apart(points: Array, distance: float) -> NDArray[np.bool_]:
-    """Keep each point, in order, that is not nearer than a distance to one kept before; a mask."""
-    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
-    later = np.ascontiguousarray(pairs[:, 1])
-    starts = np.searchsorted(pairs[:, 0], np.arange(len(points) + 1))
-    kept = np.ones(len(points), dtype=bool)
-    for i, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)):
-        if end > start and kept[i]:
-            kept[later[start:end]] = False
-    return kept
-
-
-def _estimated_normals(points: Array) -> Array:
-    """Return normals from each point's neighbours, turned outwards consistently."""
-    open3d = load_open3d()
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
-    count = min(NEIGHBOURS, len(points) - 1)
-    cloud.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(count))
-    cloud.orient_normals_consistent_tangent_plane(count)
-    normals = np.array(cloud.normals)
-    outward = np.sum(normals * (points - points.mean(axis=0)))
-    return normals if outward >= 0 else -normals
+def _single(points: Array) -> Array:
+    return points.astype(np.float32).astype(np.float64)
