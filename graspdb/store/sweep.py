@@ -67,7 +67,7 @@ def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
     files = table_files(root, name, table)
     ids = [files.least.filter(files.single)]
     for path in files.paths.filter(pc.invert(files.single)).to_pylist():
-        ids.extend(pq.read_table(path, columns=["ingest_id"])["ingest_id"].unique().chunks)
+        ids.append(pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"].unique())
     return pa.chunked_array(ids, pa.string()).unique()
 
 
