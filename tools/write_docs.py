@@ -25,8 +25,8 @@ def _tables() -> Iterator[str]:
     yield ""
     yield "Lengths are in metres, angles in radians, times in seconds, masses in kilograms. Shapes stand in"
     yield "round brackets. A value that is missing is null. Rows of every table but `trials` count once"
-    yield "`trials` names their `ingest_id`; `graspdb sql` shows these alone. docs/store.md explains that, and"
-    yield "how to join trials to the very rows of objects and hands that they stand on."
+    yield "`trials` names their `ingest_id`; `graspdb sql` shows these alone. docs/store.md explains that,"
+    yield "and how to join trials to the very rows of objects and hands that they stand on."
     for table in describe_tables():
         yield ""
         yield f"## {table.name}"

@@ -74,12 +74,15 @@ def test_readers_see_whole_states_while_others_write_and_sweep(tmp_path: Path) -
     seen = 0
     while any(process.is_alive() for process in processes):
         with graspdb.open(path) as database:
-            orphans = database.sql(
-                "SELECT trial FROM trials LEFT JOIN (SELECT trial, count(*) AS n FROM frames GROUP BY trial) USING (trial) "
-                "WHERE n IS DISTINCT FROM $n",
+            torn = database.sql(
+                """
+                SELECT trial FROM trials
+                LEFT JOIN (SELECT trial, count(*) AS n FROM frames GROUP BY trial) USING (trial)
+                WHERE n IS DISTINCT FROM $n
+                """,
                 n=N_FRAMES,
             )
-            assert orphans.rows() == []
+            assert torn.rows() == []
             twice = database.sql("SELECT trial FROM trials GROUP BY trial HAVING count(*) > 1")
             assert twice.rows() == []
             trials = database.sql("SELECT count(*) FILTER (session = 'a') FROM trials").rows()
