@@ -1,7 +1,5 @@
 """Hands that several test modules build."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,12 +9,10 @@ from graspdb_schemas.vocabulary import FOREARM_MARKERS, SEGMENT_OF_SITE, SITES, 
 
 FOREARM_OFFSETS = ((-0.09, 0.02, 0.03), (-0.09, -0.02, 0.03), (-0.04, 0.025, 0.025), (-0.04, -0.025, 0.025))
 
-BuildHand = Callable[..., HandModel]
-
 
 @pytest.fixture(scope="session")
 def dorsal_markers() -> dict[str, MarkerPlacement]:
-    """Twenty-four markers, those of the forearm at known places."""
+    """Return 24 markers, those of the forearm at known places."""
     forearm = zip(FOREARM_MARKERS, FOREARM_OFFSETS, strict=True)
     return {
         **{label: MarkerPlacement("forearm", offset=offset) for label, offset in forearm},
@@ -26,7 +22,7 @@ def dorsal_markers() -> dict[str, MarkerPlacement]:
 
 @pytest.fixture(scope="session")
 def hands(dorsal_markers: dict[str, MarkerPlacement]) -> dict[Side, HandModel]:
-    """A right and a left hand of usual size, with 24 markers, the left one's mirrored too."""
+    """Return a right and a left hand of usual size, with 24 markers, the left one's mirrored too."""
     size = HandDimensions(hand_length=0.19, hand_breadth=0.084)
     mirrored = {
         label: MarkerPlacement(p.segment, offset=tuple(np.array(p.offset) * (1, -1, 1)))

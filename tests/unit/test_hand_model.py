@@ -1,6 +1,7 @@
 """The hand model: its size, its mirror image, its signs, its derivatives, and what it refuses."""
 
 import pickle
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -152,7 +153,7 @@ def test_thumb_flexion_leads_across_the_palm_and_wrist_deviation_to_the_thumb(ha
 def test_flat_hand_lies_with_its_fingers_in_order_and_its_thumb_radial(hands):
     sites = hands[Side.RIGHT].forward(hands[Side.RIGHT].neutral()).sites
     tips = [sites[SITES.index(f"{digit}_tip")] for digit in DIGITS]
-    assert all(a[1] > b[1] + 0.01 for a, b in zip(tips, tips[1:], strict=False))
+    assert all(a[1] > b[1] + 0.01 for a, b in pairwise(tips))
 
 
 def test_markers_lie_on_the_dorsal_side_one_radius_over_their_site(hands):
@@ -218,7 +219,7 @@ def test_integrate_undoes_difference(hands, seed, size):
 
 
 def foreign_hand():
-    """A gripper with joints and bodies of its own names, that carries the 20 sites."""
+    """Return a gripper with joints and bodies of its own names, that carries the 20 sites."""
     rng = np.random.default_rng(6)
     rows = [
         f'<site name="{site}" pos="{p[0]} {p[1]} {p[2]}" size="0.008"/>'
