@@ -10,13 +10,11 @@ from typing import Final
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.shapes import box, revolve, rounded, superellipse_loft, tube
 from graspdb.simulate.surface import Surface
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,12 @@ class SimulatedObject:
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
         """All parts as one mesh."""
-        return trimesh.util.concatenate(list(self.parts))
+        faces, vertices, count = [], [], 0
+        for part in self.parts:
+            faces.append(np.asarray(part.faces) + count)
+            vertices.append(np.asarray(part.vertices))
+            count += len(part.vertices)
+        return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
     @cached_property
     def surface(self) -> Surface:
@@ -174,7 +177,7 @@ def make_inverted_t(rng: np.random.Generator) -> SimulatedObject:
         box([-half_width, stem - 0.002, panel_low], [half_width, half_grip, panel_high]),
         box([-half_width, -half_grip, panel_low], [half_width, -stem + 0.002, panel_high]),
     )
-    fine = tuple(part.subdivide_to_size(0.02) for part in parts)
+    fine = tuple(_subdivided(part) for part in parts)
     markers = np.array(
         [[0.022, 0.078, base], [-0.022, 0.078, base], [0.022, -0.078, base], [0.0, 0.0, panel_high + 0.005]]
     )
@@ -190,6 +193,14 @@ OBJECTS: Final = {"bottle": make_bottle, "mug": make_mug, "jug": make_jug}
 def _ring(radius: float, height: float, degrees: tuple[float, ...]) -> Floats:
     angle = np.deg2rad(degrees)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(degrees), height)])
+
+
+def _subdivided(mesh: trimesh.Trimesh, size: float = 0.02) -> trimesh.Trimesh:
+    """Return a mesh with no edge longer than `size` [m]."""
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, size)
+    fine = trimesh.Trimesh(vertices, faces)
+    fine.merge_vertices()
+    return fine
 
 
 def _smooth(points: Floats, step: float = 0.003) -> Floats:
