@@ -158,8 +158,9 @@ def make_jug(rng: np.random.Generator) -> SimulatedObject:
     measures |= {"handle": reach, "handle_depth": 0.0075, "handle_low": low, "handle_high": high}
     corner = 2 ** (-1 / 4.5) * half
     around = np.array([[corner, corner], [-corner, corner], [-corner, -corner]])
-    markers = np.array([*np.column_stack([around, np.full(3, 0.016)]), [0.0, 0.0, height]])
     parts = (superellipse_loft(np.concatenate([body, cap_profile])), handle)
+    markers = np.array([*np.column_stack([around, np.full(3, 0.016)]), [0.0, 0.0, height]])
+    markers = Surface(parts).nearest(markers).point
     return SimulatedObject("jug", parts, rng.uniform(0.7, 1.0), markers, measures)
 
 
@@ -177,13 +178,12 @@ def make_inverted_t(rng: np.random.Generator) -> SimulatedObject:
         box([-half_width, stem - 0.002, panel_low], [half_width, half_grip, panel_high]),
         box([-half_width, -half_grip, panel_low], [half_width, -stem + 0.002, panel_high]),
     )
-    fine = tuple(_subdivided(part) for part in parts)
     markers = np.array(
         [[0.022, 0.078, base], [-0.022, 0.078, base], [0.022, -0.078, base], [0.0, 0.0, panel_high + 0.005]]
     )
     measures = {"half_grip": half_grip, "panel_low": panel_low, "panel_high": panel_high}
     measures |= {"half_width": half_width, "height": panel_high + 0.005}
-    return SimulatedObject("inverted_t", fine, rng.uniform(0.4, 0.5), markers, measures)
+    return SimulatedObject("inverted_t", parts, rng.uniform(0.4, 0.5), markers, measures)
 
 
 OBJECTS: Final = {"bottle": make_bottle, "mug": make_mug, "jug": make_jug}
@@ -193,14 +193,6 @@ OBJECTS: Final = {"bottle": make_bottle, "mug": make_mug, "jug": make_jug}
 def _ring(radius: float, height: float, degrees: tuple[float, ...]) -> Floats:
     angle = np.deg2rad(degrees)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(degrees), height)])
-
-
-def _subdivided(mesh: trimesh.Trimesh, size: float = 0.02) -> trimesh.Trimesh:
-    """Return a mesh with no edge longer than `size` [m]."""
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, size)
-    fine = trimesh.Trimesh(vertices, faces)
-    fine.merge_vertices()
-    return fine
 
 
 def _smooth(points: Floats, step: float = 0.003) -> Floats:

@@ -139,7 +139,8 @@ def _opened(
     for digit in digits:
         if digit == "thumb":
             goal = thumb or {
-                place: q[place] + share * (angle - q[place]) for place, angle in _goal(digit, WIDE_OPEN).items()
+                place: q[place] + share * (angle - q[place])
+                for place, angle in _goal(digit, WIDE_OPEN).items()
             }
         else:
             goal = {
