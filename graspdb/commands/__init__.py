@@ -1,1 +1,1 @@
-"""The commands, one module each."""
+"""The commands of ``graspdb``, one module each; what is heavy is imported inside them."""

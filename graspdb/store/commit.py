@@ -9,19 +9,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
 from deltalake import CommitProperties, DeltaTable, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
-from graspdb.store.content import KEY_LENGTH, Unit, units
+from graspdb.store.bundle import Trial
+from graspdb.store.content import KEY_LENGTH
 from graspdb.store.fence import Patience, commit_properties, generation
-from graspdb.store.layout import first_line
-from graspdb_ingest.trial_tables import TrialTables
+from graspdb.store.layout import first_line, read_trials
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
-from graspdb_schemas.tables import SESSION_TABLES, TABLES, TRIAL_TABLES
+from graspdb_schemas.tables import TABLES
+
+_ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
 
 
 class Outcome(StrEnum):
@@ -66,22 +69,22 @@ class _State:
     input_keys: Mapping[str, str]
     contexts: Mapping[str, str]
 
-    def unchanged(self, trial: TrialTables) -> bool:
+    def unchanged(self, trial: Trial) -> bool:
         """Whether the trial stands in the database with the same input_key."""
-        return self.input_keys.get(trial.trial) == trial.input_key
+        return self.input_keys.get(trial.key) == trial.input_key
 
 
 @dataclass(frozen=True)
 class _Prepared:
     """A trial with its fresh ingest_id and the session-level rows it stands on: content key -> ingest_id."""
 
-    trial: TrialTables
+    trial: Trial
     ingest_id: str
     context: Mapping[str, str]
 
 
 def commit_trials(
-    root: Path, tables: Mapping[str, DeltaTable], trials: Sequence[TrialTables], force: bool
+    root: Path, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
 ) -> tuple[Committed, ...]:
     """Commit trials together: all of them become visible in one step, or none.
 
@@ -91,7 +94,7 @@ def commit_trials(
         The database's folder, for messages.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
-    trials : sequence of TrialTables
+    trials : sequence of Trial
         The trials, each at most once.
     force : bool
         Whether to replace a trial that has not changed.
@@ -103,7 +106,7 @@ def commit_trials(
     DatabaseError
         The database cannot be written, or other writers leave no turn.
     """
-    keys = [trial.trial for trial in trials]
+    keys = [trial.key for trial in trials]
     if len(set(keys)) != len(keys):
         raise ParameterError("trials", max(keys, key=keys.count), "each trial once")
     patience = Patience(root)
@@ -136,45 +139,34 @@ def _fresh_id() -> str:
     return f"{time.time_ns():016x}-{secrets.token_hex(6)}"
 
 
-def _read(table: DeltaTable, trials: Sequence[TrialTables]) -> _State:
+def _read(table: DeltaTable, trials: Sequence[Trial]) -> _State:
     """Bring `trials` up to date and return what it says about a batch."""
     table.update_incremental()
     sessions = sorted({trial.session for trial in trials})
-    stored = pa.table(
-        table.scan(
-            columns=["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
-        ).read_all()
+    stored = read_trials(
+        table, ["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
     )
-    batch = stored.filter(pc.is_in(stored["trial"], pa.array([trial.trial for trial in trials], pa.string())))
+    batch = stored.filter(pc.is_in(stored["trial"], pa.array([trial.key for trial in trials], pa.string())))
     input_keys = dict(zip(batch["trial"].to_pylist(), batch["input_key"].to_pylist(), strict=True))
     contexts = stored["context"].combine_chunks().flatten().unique().to_pylist()
     return _State(generation(table), input_keys, {content_key_of(key): key for key in sorted(contexts)})
 
 
-def _prepare(
-    trials: Sequence[TrialTables], state: _State
-) -> tuple[list[_Prepared], dict[str, list[pa.Table]]]:
+def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], dict[str, list[pa.Table]]]:
     """Give every trial a fresh ingest_id, and return the rows to write before the trials' own."""
     known = dict(state.contexts)
-    seen: dict[tuple[int, ...], list[Unit]] = {}
     rows: dict[str, list[pa.Table]] = {}
     prepared = []
     for trial in trials:
-        # Trials of a batch mostly bring the very same tables: look into them once.
-        identity = tuple(id(trial.tables.get(name)) for name in SESSION_TABLES)
-        if identity not in seen:
-            seen[identity] = list(units(trial.tables))
-        context = {}
-        for unit in seen[identity]:
+        for unit in trial.units:
             if unit.content_key not in known:
                 known[unit.content_key] = f"{_fresh_id()}-{unit.content_key}"
                 for name, table in unit.tables.items():
                     rows.setdefault(name, []).append(_stamped(name, table, known[unit.content_key]))
-            context[unit.content_key] = known[unit.content_key]
         ingest_id = _fresh_id()
-        for name in TRIAL_TABLES:
-            if name in trial.tables and trial.tables[name].num_rows:
-                rows.setdefault(name, []).append(_stamped(name, trial.tables[name], ingest_id))
+        for name, table in trial.tables.items():
+            rows.setdefault(name, []).append(_stamped(name, table, ingest_id))
+        context = {unit.content_key: known[unit.content_key] for unit in trial.units}
         prepared.append(_Prepared(trial, ingest_id, context))
     return prepared, rows
 
@@ -197,7 +189,7 @@ def _publish(
         if not todo:
             return {}
         rows = pa.concat_tables([_trial_row(item, state) for item in todo])
-        keys = [item.trial.trial for item in todo]
+        keys = [item.trial.key for item in todo]
         replaced = [key for key in keys if key in state.input_keys]
         predicate = f"trial IN ({quoted(keys)})" if replaced else None
         try:
@@ -213,7 +205,7 @@ def _publish(
 def _trial_row(item: _Prepared, state: _State) -> pa.Table:
     """Return the row in `trials`; session-level rows that another writer has committed meanwhile win."""
     context = [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
-    row = item.trial.tables["trials"].append_column("context", pa.array([context], pa.list_(pa.string())))
+    row = item.trial.row.append_column("context", pa.array([context], pa.list_(pa.string())))
     return _stamped("trials", row, item.ingest_id)
 
 
@@ -244,14 +236,17 @@ def _write(
 ) -> None:
     """Append rows, or put them in the place of those that a predicate names, in one Delta commit."""
     try:
-        write_deltalake(
-            table,
-            rows,
-            mode="overwrite" if predicate else "append",
-            predicate=predicate,
-            commit_properties=properties,
-            writer_properties=WriterProperties(compression="ZSTD", compression_level=3),
-        )
+        if predicate is None:
+            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=_ZSTD)
+        else:
+            write_deltalake(
+                table,
+                rows,
+                mode="overwrite",
+                predicate=predicate,
+                commit_properties=properties,
+                writer_properties=_ZSTD,
+            )
     except CommitFailedError:
         raise
     except (DeltaError, OSError) as error:

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -31,23 +31,30 @@ class Unit:
     ----------
     content_key : str
         The same for the same rows, different for different ones.
+    describes : mapping of str to str
+        What the rows describe: values of their columns session, subject, side, object.
     tables : mapping of str to pyarrow.Table
         Its rows by table, without ingest_id.
     """
 
     content_key: str
+    describes: Mapping[str, str]
     tables: Mapping[str, pa.Table]
+
+    def belongs_to(self, trial: Mapping[str, Any]) -> bool:
+        """Whether a trial with this row in `trials` stands on the unit."""
+        return all(trial.get(column) == value for column, value in self.describes.items() if column != "side")
 
 
 def units(tables: Mapping[str, pa.Table]) -> Iterator[Unit]:
-    """Yield the units among the rows of a trial."""
+    """Yield the units among the rows of a trial or a session."""
     for names, columns in _UNITS:
         present = [name for name in names if name in tables and tables[name].num_rows]
         if not present:
             continue
         for named in tables[present[0]].select(columns).group_by(list(columns)).aggregate([]).to_pylist():
             rows = {name: _matching(tables[name], named) for name in present}
-            yield Unit(content_key(rows), rows)
+            yield Unit(content_key(rows), named, rows)
 
 
 def content_key(tables: Mapping[str, pa.Table]) -> str:

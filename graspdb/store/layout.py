@@ -38,7 +38,8 @@ def create(root: Path) -> None:
     check_path(root)
     if DeltaTable.is_deltatable(str(root / "trials")):
         return
-    strangers = sorted(entry.name for entry in root.iterdir() if entry.name not in TABLES) if root.exists() else []
+    names = [entry.name for entry in root.iterdir()] if root.exists() else []
+    strangers = sorted(name for name in names if name not in TABLES)
     if strangers:
         raise DatabaseError(
             root,
@@ -73,6 +74,13 @@ def open_table(root: Path, name: str, version: int | None = None) -> DeltaTable:
             root, f"table {name!r} cannot be read: {first_line(error)}", "Restore the folder from a copy."
         ) from error
     return table
+
+
+def read_trials(trials: DeltaTable, columns: list[str], predicate: str | None = None) -> pa.Table:
+    """Return columns of `trials` at its loaded version, with the declared types."""
+    declared = pa.schema([TABLES["trials"].field(column) for column in columns])
+    rows = pa.table(trials.scan(columns=columns, predicate=predicate).read_all())
+    return rows.select(columns).cast(declared).combine_chunks()
 
 
 def check_path(root: Path) -> None:

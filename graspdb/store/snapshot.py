@@ -13,7 +13,7 @@ from deltalake import DeltaTable
 from deltalake.exceptions import DeltaError
 
 from graspdb.store.fence import Patience
-from graspdb.store.layout import first_line, open_table
+from graspdb.store.layout import first_line, open_table, read_trials
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SESSION_TABLES, TABLES
@@ -98,9 +98,9 @@ def take_snapshot(root: Path) -> Snapshot:
 
 def committed_ids(trials: DeltaTable) -> CommittedIds:
     """Return the ingest_ids that a version of `trials` makes visible."""
-    rows = pa.table(trials.scan(columns=["ingest_id", "context"]).read_all())
+    rows = read_trials(trials, ["ingest_id", "context"])
     context = rows["context"].combine_chunks().flatten().unique()
-    return CommittedIds(rows["ingest_id"].combine_chunks().unique(), context.cast(pa.string()))
+    return CommittedIds(rows["ingest_id"].combine_chunks().unique(), context)
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,7 @@ def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
 def _links(folder: Path) -> set[str]:
     """Return the names of symbolic links in a folder; the folder itself counts if it is one."""
     with os.scandir(folder) as entries:
-        links = {entry.name for entry in entries if folder.is_symlink() or entry.is_symlink()}
-    return links
+        return {entry.name for entry in entries if folder.is_symlink() or entry.is_symlink()}
 
 
 def _column(actions: pa.Table, name: str) -> pa.Array:

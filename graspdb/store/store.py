@@ -5,11 +5,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Self
 
-import pyarrow as pa
 from deltalake import DeltaTable
 
-from graspdb.store.commit import Committed, commit_trials, quoted
-from graspdb.store.layout import create, open_table
+from graspdb.store.bundle import as_trial
+from graspdb.store.commit import Committed, commit_trials
+from graspdb.store.content import Unit, units
+from graspdb.store.layout import create, open_table, read_trials
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb.store.sweep import sweep
 from graspdb_ingest.trial_tables import TrialTables
@@ -31,6 +32,7 @@ class Store:
     def __init__(self, path: Path, tables: Mapping[str, DeltaTable]) -> None:
         self.path = path
         self._tables = tables
+        self._shared: dict[str, tuple[Unit, ...]] = {}
 
     @classmethod
     def open(cls, path: str | PathLike[str]) -> Self:
@@ -57,16 +59,30 @@ class Store:
         create(Path(path))
         return cls.open(path)
 
-    def input_keys(self, session: str) -> dict[str, str]:
-        """Return what each committed trial of a session was made from: trial -> input_key.
+    def committed_input_keys(self) -> dict[str, str]:
+        """Return what each committed trial was made from: trial -> input_key.
 
         A trial whose input_key would be the same again need not be ingested again.
         """
         trials = self._tables["trials"]
         trials.update_incremental()
-        scan = trials.scan(columns=["trial", "input_key"], predicate=f"session IN ({quoted([session])})")
-        rows = pa.table(scan.read_all())
+        rows = read_trials(trials, ["trial", "input_key"])
         return dict(zip(rows["trial"].to_pylist(), rows["input_key"].to_pylist(), strict=True))
+
+    def commit_session(self, rows: TrialTables) -> None:
+        """Take in the rows of a session that its trials stand on.
+
+        They are written with the first trial that stands on them, unless the database has rows of the
+        same content already. Trials committed before keep the rows that they stand on.
+
+        Parameters
+        ----------
+        rows : TrialTables
+            Rows of ``sessions``, ``subjects``, ``hands``, ``objects`` and ``object_points``.
+        """
+        found = list(units(rows.tables))
+        for session in {unit.describes["session"] for unit in found}:
+            self._shared[session] = tuple(unit for unit in found if unit.describes["session"] == session)
 
     def commit_trial(self, trial: TrialTables, *, force: bool = False) -> Committed:
         """Commit one trial; see `commit_trials`."""
@@ -82,8 +98,9 @@ class Store:
         Parameters
         ----------
         trials : sequence of TrialTables
-            The trials, each at most once. Commit many small ones together: a commit costs the same few
-            milliseconds a table for one or for a thousand.
+            The trials, each at most once, with one row in ``trials``; the session-level rows they stand
+            on come with them or before, through `commit_session`. Commit many small ones together: a
+            commit costs the same few milliseconds a table for one or for a thousand.
         force : bool
             Whether to replace trials that have not changed, too.
 
@@ -95,11 +112,12 @@ class Store:
         Raises
         ------
         ParameterError
-            A trial is given twice.
+            A trial is given twice, or its rows are not those of one trial.
         DatabaseError
             The database cannot be written, or other writers leave no turn.
         """
-        return commit_trials(self.path, self._tables, trials, force)
+        checked = [as_trial(trial, self._shared) for trial in trials]
+        return commit_trials(self.path, self._tables, checked, force)
 
     def snapshot(self) -> Snapshot:
         """Pin one version of every table, consistently; see `take_snapshot`."""

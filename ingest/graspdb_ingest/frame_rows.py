@@ -11,9 +11,10 @@ from graspdb_schemas.vocabulary import N_SITES
 
 
 def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
-    """Return the recorded positions of every marker, nothing filled in."""
-    n = len(markers.times)
-    labels = pa.array([list(markers.labels)] * n, type=MARKERS.field("labels").type)
+    """Return the positions of every marker of the recording, under its own labels, nothing filled in."""
+    recording = markers.recording
+    n = recording.n_frames
+    labels = pa.array([list(recording.labels)] * n, type=MARKERS.field("labels").type)
     return table(
         MARKERS,
         {
@@ -21,7 +22,7 @@ def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
             "frame": np.arange(n),
             "time": markers.times,
             "labels": labels,
-            "positions": list_column(markers.positions),
+            "positions": list_column(recording.positions),
         },
     )
 

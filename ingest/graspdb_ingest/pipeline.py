@@ -109,7 +109,7 @@ def _trial_row(
         "task": trial.task,
         "repetition": trial.repetition,
         "attributes": json.dumps(trial.attributes or {}, sort_keys=True, default=str),
-        "rate": None if markers is None else markers.rate,
+        "rate": None if markers is None else markers.recording.rate,
         "n_frames": None if times is None else len(times),
         "duration": None if times is None or not len(times) else float(times[-1] - times[0]),
         "source_file": trial.source_file,

@@ -107,10 +107,19 @@ def track_trial(
     """
     followed = None
     if prepared is not None:
-        followed = TrackedObject(prepared, track_object(markers.object, prepared.marker_positions))
+        followed = TrackedObject(
+            prepared,
+            track_object(
+                markers.object_markers,
+                np.asarray(prepared.marker_positions, dtype=np.float64),
+                parameters.pose,
+            ),
+        )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(hand.hand, markers.hands[side], markers.rate, hand.prior, parameters.tracking)
+        track = track_hand(
+            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
+        )
         _check(track, side, parameters)
         tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
     return TrackedTrial(markers, followed, tracked)
@@ -144,7 +153,9 @@ def _with_holds(
     if followed is None:
         return TrackedHand(hand, track, np.full(track.sites.shape, np.nan), None, ())
     pose, cloud = followed.track, followed.prepared.cloud
-    sites_object = inverse_transform_points(pose.rotations, pose.positions, track.sites)
+    sites_object = inverse_transform_points(
+        pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
+    )
     gaps = signed_gaps(sites_object, hand.hand.radii, cloud)
     middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
     holds = find_holds(
