@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.vocabulary import DIGITS, JOINT_ANGLES, JOINTS_OF_DIGIT, N_SITES
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 OVERSHOOT: Final = 1.2
@@ -87,7 +87,8 @@ def _close_digit(hand: PlanningHand, surface: Surface, q: Floats, planned: Float
         watched = digit.sphere_levels >= digit.joint_levels[moving].min()
         share, level = _first_touch(hand, surface, q, planned, digit, stops, share, watched)
         stops = np.where((digit.joint_levels <= level) & moving, share, stops)
-    return _along(hand, q, planned, digit, stops[None])[0]
+    closed: Floats = _along(hand, q, planned, digit, stops[None])[0]
+    return closed
 
 
 def _along(hand: PlanningHand, q: Floats, planned: Floats, digit: Chain, shares: Floats) -> Floats:

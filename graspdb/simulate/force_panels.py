@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.measurement import NoiseParameters, slow_drift
 from graspdb.simulate.surface import Surface
 from graspdb.simulate.writer import MILLIMETRES
 from graspdb_schemas.vocabulary import SITES
-
-Floats = NDArray[np.float64]
 
 DRIFT_TIME = 0.5
 """Time scale of the sensors' error [s]."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.closing import close
 from graspdb.simulate.kinds import Plan
 from graspdb.simulate.objects import SimulatedObject
@@ -16,8 +17,6 @@ from graspdb.simulate.posing import Intent, solve
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.errors import GraspDBError
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, JOINT_ANGLES, N_SITES, SITES, Side
-
-Floats = NDArray[np.float64]
 
 TOUCH: Final = 0.0005
 """A sphere whose gap is less than this touches [m]."""

@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb_schemas.vocabulary import DIGITS, FINGERS, JOINT_ANGLES
 
-Floats = NDArray[np.float64]
 Measures = Mapping[str, float]
 
 ALL_TIPS: Final = tuple(f"{digit}_tip" for digit in DIGITS)
@@ -115,7 +114,7 @@ HOOK: Final = _fingers(30, 90, 45) | _thumb(20, 15, 20, 30) | {"wrist_flexion": 
 LEFTWARDS: Final = (0.0, 1.0, 0.0)
 FORWARDS: Final = (1.0, 0.0, 0.0)
 DOWNWARDS: Final = (0.0, 0.0, -1.0)
-WRAP: Final = _sites("pip tip") + ("middle_mcp", "ring_mcp", "thumb_ip", "thumb_tip")
+WRAP: Final = (*_sites("pip tip"), "middle_mcp", "ring_mcp", "thumb_ip", "thumb_tip")
 
 
 def bottle_plans(m: Measures) -> tuple[Plan, ...]:
@@ -147,7 +146,7 @@ def mug_plans(m: Measures) -> tuple[Plan, ...]:
     bar = (m["handle_depth"] + 0.019) / 0.185
     rim = (-m["radius"] + m["wall"] / 2, 0, m["height"] - 0.012)
     middle = m["height"] / 2
-    hooked = _sites("dip tip", ("index", "middle")) + ("thumb_tip",)
+    hooked = (*_sites("dip tip", ("index", "middle")), "thumb_tip")
     away = (0.0, -1.0, 0.0)
     return (
         Plan(
@@ -182,8 +181,8 @@ def jug_plans(m: Measures) -> tuple[Plan, ...]:
     bar = (m["handle_depth"] + 0.019) / 0.185
     cap_middle = (m["cap_low"] + m["height"]) / 2
     bar_middle = (m["handle_low"] + m["handle_high"]) / 2 + 0.004
-    hooked = _sites("dip tip", ("index", "middle", "ring")) + ("thumb_tip",)
-    around = _sites("tip") + ("index_mcp", "middle_mcp", "thumb_tip")
+    hooked = (*_sites("dip tip", ("index", "middle", "ring")), "thumb_tip")
+    around = (*_sites("tip"), "index_mcp", "middle_mcp", "thumb_tip")
     away = (0.0, -1.0, 0.0)
     return (
         Plan(

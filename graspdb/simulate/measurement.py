@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from graspdb.simulate.arrays import Floats
 from graspdb_schemas.errors import ParameterError
 
-Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.closing import chain
 from graspdb.simulate.grasps import Grasp
 from graspdb.simulate.path import Curve, find_path
 from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.vocabulary import DIGITS, FINGERS, JOINT_ANGLES, N_SITES, Side
-
-Floats = NDArray[np.float64]
 
 RELAXED: Final[dict[str, float]] = {
     "wrist_flexion": -8,

@@ -10,13 +10,11 @@ from typing import Final
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.shapes import box, revolve, rounded, superellipse_loft, tube
 from graspdb.simulate.surface import Surface
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,12 @@ class SimulatedObject:
     @cached_property
     def mesh(self) -> trimesh.Trimesh:
         """All parts as one mesh."""
-        return trimesh.util.concatenate(list(self.parts))
+        faces, vertices, count = [], [], 0
+        for part in self.parts:
+            faces.append(np.asarray(part.faces) + count)
+            vertices.append(np.asarray(part.vertices))
+            count += len(part.vertices)
+        return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
     @cached_property
     def surface(self) -> Surface:
@@ -155,8 +158,9 @@ def make_jug(rng: np.random.Generator) -> SimulatedObject:
     measures |= {"handle": reach, "handle_depth": 0.0075, "handle_low": low, "handle_high": high}
     corner = 2 ** (-1 / 4.5) * half
     around = np.array([[corner, corner], [-corner, corner], [-corner, -corner]])
-    markers = np.array([*np.column_stack([around, np.full(3, 0.016)]), [0.0, 0.0, height]])
     parts = (superellipse_loft(np.concatenate([body, cap_profile])), handle)
+    markers = np.array([*np.column_stack([around, np.full(3, 0.016)]), [0.0, 0.0, height]])
+    markers = Surface(parts).nearest(markers).point
     return SimulatedObject("jug", parts, rng.uniform(0.7, 1.0), markers, measures)
 
 
@@ -174,13 +178,12 @@ def make_inverted_t(rng: np.random.Generator) -> SimulatedObject:
         box([-half_width, stem - 0.002, panel_low], [half_width, half_grip, panel_high]),
         box([-half_width, -half_grip, panel_low], [half_width, -stem + 0.002, panel_high]),
     )
-    fine = tuple(part.subdivide_to_size(0.02) for part in parts)
     markers = np.array(
         [[0.022, 0.078, base], [-0.022, 0.078, base], [0.022, -0.078, base], [0.0, 0.0, panel_high + 0.005]]
     )
     measures = {"half_grip": half_grip, "panel_low": panel_low, "panel_high": panel_high}
     measures |= {"half_width": half_width, "height": panel_high + 0.005}
-    return SimulatedObject("inverted_t", fine, rng.uniform(0.4, 0.5), markers, measures)
+    return SimulatedObject("inverted_t", parts, rng.uniform(0.4, 0.5), markers, measures)
 
 
 OBJECTS: Final = {"bottle": make_bottle, "mug": make_mug, "jug": make_jug}

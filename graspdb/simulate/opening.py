@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.closing import chain
 from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
 from graspdb.simulate.surface import Surface
-from graspdb_schemas.vocabulary import FINGERS, JOINT_ANGLES, N_SITES, Side
-
-Floats = NDArray[np.float64]
+from graspdb_schemas.vocabulary import FINGERS, JOINT_ANGLES, N_SITES, SITES, Side
 
 WIDE_OPEN: Final[dict[str, float]] = {
     "thumb_cmc_abduction": 45,
@@ -25,6 +23,8 @@ WIDE_OPEN: Final[dict[str, float]] = {
 }
 """The hand as far open as a reach opens it [degrees]."""
 
+Angles = dict[int, float]
+
 THUMB_ASIDE: Final[dict[str, float]] = {
     "thumb_cmc_abduction": -15,
     "thumb_cmc_flexion": -40,
@@ -32,6 +32,9 @@ THUMB_ASIDE: Final[dict[str, float]] = {
     "thumb_ip_flexion": 0,
 }
 """The thumb out of the way of a bar that leaves the hooked fingers [degrees]."""
+
+THUMB_OFF: Final = 0.03
+"""How far the thumb's tip moves straight off the surface where that clears the way [m]."""
 
 SHARES: Final = (0.3, 0.45, 0.65, 0.85, 1.0)
 """How far to open, tried in this order."""
@@ -46,7 +49,8 @@ WAYS: Final = (
 """Ways out in the hand's frame (distal, radial, dorsal), tried in this order: backwards first."""
 
 HOOK_WAYS: Final = (
-    (1, 0, 0), (1, 0, 0.3), (1, 0, -0.3), (1, 0.3, 0), (1, -0.3, 0), (1, 0.3, 0.3), (1, 0.3, -0.3), (1, 0, 0.6),
+    (1, 0, 0), (1, 0, 0.3), (1, 0, -0.3), (1, 0.3, 0), (1, -0.3, 0), (1, 0.3, 0.3), (1, 0.3, -0.3),
+    (1, 0, 0.6),
 )  # fmt: skip
 """The same for hooked fingers."""
 
@@ -86,8 +90,17 @@ def find_opening(
     digits : tuple of str
         The digits that hold the object; the others stay as they are.
     """
-    for shares, directions in ((SHARES, WAYS), (HOOK_SHARES, HOOK_WAYS)):
-        opening = _least_opening(hand, surface, grasp, digits, shares, _turned(hand, grasp, directions))
+    aside = _goal("thumb", THUMB_ASIDE)
+    off = _thumb_off(hand, surface, grasp)
+    manners = (
+        (SHARES, WAYS, None),
+        (HOOK_SHARES, HOOK_WAYS, aside),
+        (HOOK_SHARES, HOOK_WAYS, off),
+        (HOOK_SHARES, HOOK_WAYS, {place: (off[place] + angle) / 2 for place, angle in aside.items()}),
+    )
+    for shares, directions, thumb in manners:
+        ways = _turned(hand, grasp, directions)
+        opening = _least_opening(hand, surface, grasp, digits, shares, ways, thumb)
         if opening is not None:
             return opening
     return None
@@ -100,9 +113,11 @@ def _least_opening(
     digits: tuple[str, ...],
     shares: tuple[float, ...],
     ways: Floats,
+    thumb: Angles | None,
 ) -> Opening | None:
+    """Return the least opening with a way out; the thumb goes all the way to `thumb` if that is given."""
     for share in shares:
-        q = _opened(hand, grasp, digits, share, hooked=shares is HOOK_SHARES)
+        q = _opened(hand, grasp, digits, share, thumb)
         if not is_free(hand, surface, between(grasp, q)):
             continue
         points = hand.points_of(q[None])[0, : hand.n_solid]
@@ -115,22 +130,44 @@ def _least_opening(
     return None
 
 
-def _opened(hand: PlanningHand, grasp: Floats, digits: tuple[str, ...], share: float, hooked: bool) -> Floats:
-    """Return a grasping hand with its digits part of the way to wide open."""
+def _opened(
+    hand: PlanningHand, grasp: Floats, digits: tuple[str, ...], share: float, thumb: Angles | None
+) -> Floats:
+    """Return a grasping hand with its digits part of the way to wide open; fingers only ever extend."""
     limits = hand.hand.joint_range
     q = grasp.copy()
     for digit in digits:
-        aside = hooked and digit == "thumb"
-        goal = THUMB_ASIDE if aside else WIDE_OPEN
-        for place in chain(digit).joints:
-            joint = JOINT_ANGLES[place - 7]
-            if joint in goal:
-                wanted = np.deg2rad(goal[joint])
-                if digit != "thumb":
-                    wanted = min(wanted, q[place])
-                q[place] += (1.0 if aside else share) * (wanted - q[place])
+        if digit == "thumb":
+            goal = thumb or {
+                place: q[place] + share * (angle - q[place])
+                for place, angle in _goal(digit, WIDE_OPEN).items()
+            }
+        else:
+            goal = {
+                place: q[place] + share * min(0.0, angle - q[place])
+                for place, angle in _goal(digit, WIDE_OPEN).items()
+            }
+        q[list(goal)] = list(goal.values())
     q[7:] = np.clip(q[7:], limits[:, 0], limits[:, 1])
     return q
+
+
+def _goal(digit: str, degrees: dict[str, float]) -> Angles:
+    """Return the angles [rad] that a posture gives a digit, by their places in a configuration."""
+    names = {int(place): JOINT_ANGLES[place - 7] for place in chain(digit).joints}
+    return {place: float(np.deg2rad(degrees[name])) for place, name in names.items() if name in degrees}
+
+
+def _thumb_off(hand: PlanningHand, surface: Surface, grasp: Floats) -> Angles:
+    """Return angles that move the thumb's tip straight off the surface, as far as they can."""
+    hand.move(grasp)
+    tip, joints = SITES.index("thumb_tip"), chain("thumb").joints
+    normal = surface.nearest(hand.points()[tip][None]).normal[0]
+    jacobian = hand.jacobian()[tip][:, joints - 1]
+    step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-5 * np.eye(3), THUMB_OFF * normal)
+    limits = hand.hand.joint_range[joints - 7]
+    angles = np.clip(grasp[joints] + np.clip(step, -0.8, 0.8), limits[:, 0], limits[:, 1])
+    return dict(zip(joints.tolist(), angles.tolist(), strict=True))
 
 
 def between(first: Floats, last: Floats, n: int = 6) -> Floats:

@@ -7,9 +7,8 @@ from math import comb
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from graspdb.simulate.arrays import Floats
 
 STRAIGHT: Final = (0.06, 0.10, 0.14)
 """Distances between the last three control points, which lie on the way in [m]."""

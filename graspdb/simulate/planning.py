@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_schemas.manifest import MarkerPlacement
@@ -22,8 +23,6 @@ from graspdb_schemas.vocabulary import (
     SITES,
     Side,
 )
-
-Floats = NDArray[np.float64]
 
 FLESH_DEPTH = 0.0015
 """How far the object presses into the flesh between the spheres before that resists [m]."""
@@ -120,7 +119,7 @@ def _placements(
         placements[label] = MarkerPlacement(segment, offset=(x, y, z))
         radii[label] = radius
 
-    for site, digit in _SITE_DIGIT:
+    for site in SITES:
         add(f"at_{site}", SEGMENT_OF_SITE[site], _centre(site, dimensions, side), by_site[site])
     for digit in DIGITS:
         ends = dimensions.radii[4 * DIGITS.index(digit) :][:4]
@@ -139,13 +138,15 @@ def _placements(
     add("wrist", "hand", np.zeros(3), 0.2 * dimensions.hand_breadth)
     add("forearm", "forearm", np.array([-FOREARM_LENGTH, 0, 0]), 0.035)
     for site, radius in by_site.items():
-        above = _centre(site, dimensions, side) + [0, 0, radius]
-        placements[f"dorsal_{site}"] = MarkerPlacement(SEGMENT_OF_SITE[site], offset=tuple(above.tolist()))
+        above = np.add(_centre(site, dimensions, side), [0, 0, radius])
+        placements[f"dorsal_{site}"] = MarkerPlacement(
+            SEGMENT_OF_SITE[site], offset=(above[0], above[1], above[2])
+        )
     return placements, radii
 
 
 def _centre(site: str, dimensions: HandDimensions, side: Side) -> Floats:
-    digit, _, joint = site.partition("_")
+    digit = site.partition("_")[0]
     number = SITES.index(site) % 4
     if number == 0:
         return dimensions.base_joint(digit, side)

@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.planning import FLESH_DEPTH, FOREARM_LENGTH, PlanningHand
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.vocabulary import N_SITES, SITES
-
-Floats = NDArray[np.float64]
 
 TOUCH_SD = 0.0003
 """Tightness with which chosen spheres are drawn to the surface, and all are kept out of it [m]."""

@@ -1,12 +1,14 @@
 """Closed surfaces from rings: bodies of revolution, lofts, tubes and boxes, in metres."""
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from graspdb.simulate.arrays import Floats
 
 
 def loft(rings: Floats) -> trimesh.Trimesh:
@@ -109,7 +111,8 @@ def tube(path: Floats, half_depth: float, half_width: float, n_around: int = 28)
 
 def box(low: ArrayLike, high: ArrayLike) -> trimesh.Trimesh:
     """Return the box between two corners [m]."""
-    return trimesh.creation.box(bounds=np.array([low, high], dtype=float))
+    mesh: trimesh.Trimesh = trimesh.creation.box(bounds=np.array([low, high], dtype=float))
+    return mesh
 
 
 def rounded(corners: Floats, radii: Sequence[float], step: float = 0.004) -> Floats:
@@ -138,7 +141,7 @@ def rounded(corners: Floats, radii: Sequence[float], step: float = 0.004) -> Flo
 def subdivided(points: Floats, step: float) -> Floats:
     """Return a polyline with points added so that none are further apart than a step [m]."""
     pieces = []
-    for start, end in zip(points, points[1:], strict=False):
+    for start, end in pairwise(points):
         n = max(1, int(np.ceil(np.linalg.norm(end - start) / step)))
         pieces.append(start + (end - start) * (np.arange(n) / n)[:, None])
     return np.concatenate([*pieces, points[-1:]])
@@ -146,13 +149,13 @@ def subdivided(points: Floats, step: float) -> Floats:
 
 def _arc(before: Floats, corner: Floats, after: Floats, radius: float, n: int = 6) -> Floats:
     back, ahead = before - corner, after - corner
-    legs = np.linalg.norm(back), np.linalg.norm(ahead)
+    legs = float(np.linalg.norm(back)), float(np.linalg.norm(ahead))
     back, ahead = back / legs[0], ahead / legs[1]
-    half = np.arccos(np.clip(back @ ahead, -1, 1)) / 2
-    leg = min(radius / np.tan(half), 0.45 * min(legs))
+    half = float(np.arccos(np.clip(back @ ahead, -1, 1))) / 2
+    leg = min(radius / math.tan(half), 0.45 * min(legs))
     if leg < 1e-6 or half > np.pi / 2 - 1e-3:
         return corner[None]
-    radius = leg * np.tan(half)
+    radius = leg * math.tan(half)
     bisector = (back + ahead) / np.linalg.norm(back + ahead)
     centre = corner + bisector * radius / np.sin(half)
     start, end = corner + leg * back - centre, corner + leg * ahead - centre

@@ -13,8 +13,6 @@ from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
 from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import FOREARM_MARKERS, JOINT_ANGLES, SEGMENT_OF_SITE, SITES, Side
 
-Floats = NDArray[np.float64]
-
 HAND_LENGTH: Final = (0.165, 0.205)
 """From a small woman's to a large man's hand [m]."""
 

@@ -1,13 +1,14 @@
 """Signed distance to an object's surface, by ray casting against its triangles."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import open3d as o3d
 import trimesh
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from graspdb.simulate.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,13 @@ class Surface:
 
     def distance(self, points: Floats) -> Floats:
         """Return the signed distance of points, shape (..., 3), to the surface [m], shape (...)."""
-        queries = np.ascontiguousarray(points, dtype=np.float32)
+        queries = _tensor(points, o3d.core.float32)
         each = [scene.compute_signed_distance(queries).numpy() for scene in self._scenes]
-        return np.min(each, axis=0).astype(float)
+        return np.asarray(np.min(each, axis=0), dtype=float)
 
     def nearest(self, points: Floats) -> Nearest:
         """Return distance, nearest point and direction for points of shape (..., 3)."""
-        queries = np.ascontiguousarray(points, dtype=np.float32)
+        queries = _tensor(points, o3d.core.float32)
         distance = np.full(points.shape[:-1], np.inf)
         point = np.zeros(points.shape)
         face_normal = np.zeros(points.shape)
@@ -71,10 +72,14 @@ class Surface:
         return Nearest(distance, point, normal)
 
 
+def _tensor(values: NDArray[Any], dtype: o3d.core.Dtype) -> o3d.core.Tensor:
+    return o3d.core.Tensor(np.ascontiguousarray(values), dtype, o3d.core.Device("CPU:0"))
+
+
 def _scene(part: trimesh.Trimesh) -> o3d.t.geometry.RaycastingScene:
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
-        o3d.core.Tensor(np.asarray(part.vertices, dtype=np.float32)),
-        o3d.core.Tensor(np.asarray(part.faces, dtype=np.uint32)),
+        _tensor(np.asarray(part.vertices), o3d.core.float32),
+        _tensor(np.asarray(part.faces), o3d.core.uint32),
     )
     return scene

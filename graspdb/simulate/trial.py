@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.grasps import TOUCH, Grasp, NoGraspError, find_grasp
 from graspdb.simulate.kinds import Plan
 from graspdb.simulate.measurement import Measured, NoiseParameters, measure, skin_movement
@@ -15,8 +15,6 @@ from graspdb.simulate.objects import SimulatedObject
 from graspdb.simulate.subjects import SimulatedSubject
 from graspdb.simulate.truth import TrialTruth
 from graspdb_schemas.vocabulary import SITES
-
-Floats = NDArray[np.float64]
 
 TRIES: Final = 10
 """How many variations of a grasp are tried until one can be reached."""

@@ -9,14 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.measurement import NoiseParameters, Swap
 from graspdb.simulate.motion import Events
 from graspdb.simulate.subjects import SimulatedSubject, placements_of
 from graspdb_ingest.hand import HandDimensions
 from graspdb_schemas.errors import RecordingError
 from graspdb_schemas.vocabulary import Side
-
-Floats = NDArray[np.float64]
 
 TRUTH: Final = "truth"
 """Folder of the truth inside a simulated session."""
@@ -167,7 +166,7 @@ def load_truth(session_dir: str | Path) -> SessionTruth:
             path, "there is no truth here", "Name a folder that graspdb simulate has written."
         )
     content = json.loads(path.read_text(encoding="utf-8"))
-    noise = {k: tuple(v) if isinstance(v, list) else v for k, v in content["noise"].items()}
+    noise: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content["noise"].items()}
     return SessionTruth(
         seed=content["seed"],
         experiment=content["experiment"],

@@ -7,14 +7,13 @@ from typing import Any, Final
 
 import ezc3d
 import numpy as np
+import trimesh
 import yaml
-from numpy.typing import NDArray
 
+from graspdb.simulate.arrays import Floats
 from graspdb.simulate.objects import SimulatedObject
 from graspdb.simulate.subjects import SimulatedSubject
 from graspdb_schemas.vocabulary import FOREARM4_DORSAL20
-
-Floats = NDArray[np.float64]
 
 MILLIMETRES: Final = 1000.0
 """Millimetres in a metre: files are written in millimetres."""
@@ -50,8 +49,7 @@ def write_object(directory: Path, body: SimulatedObject) -> None:
     """Write an object's surface as ``objects/<name>.stl`` in millimetres."""
     folder = directory / "objects"
     folder.mkdir(exist_ok=True)
-    mesh = body.mesh.copy()
-    mesh.apply_scale(MILLIMETRES)
+    mesh = trimesh.Trimesh(MILLIMETRES * body.mesh.vertices, body.mesh.faces, process=False)
     mesh.export(folder / f"{body.name}.stl")
 
 
