@@ -135,9 +135,9 @@ def _hand_recordings(session: Session, subject: Subject, side: Side) -> Sequence
         own = next((t for t in session.trials if t.file == file), trial)
         try:
             recording = read_recording(file, session.file_scale)
-            markers = select_markers(recording, session, own).hands[side]
+            markers = select_markers(recording, session, own).hands.get(side)
         except GraspDBError:
             continue
-        if np.isfinite(markers).any():
+        if markers is not None and np.isfinite(markers).any():
             found.append(markers)
     return found

@@ -27,7 +27,7 @@ def _key(name: str, doc: str) -> pa.Field:
     return _column(name, pa.string(), doc, nullable=False)
 
 
-_INGEST_ID = _key("ingest_id", "the ingest that wrote this row; committed if it stands in trials")
+_INGEST_ID = _key("ingest_id", "the ingest that wrote this row; it counts if trials names it")
 _SESSION = _key("session", "identifier of the session")
 _TRIAL = _key("trial", "<session>/<name of the trial's file without its ending>")
 _GRASP = _key("grasp", "<trial>/<side>/<number of the grasp in the trial>")
@@ -131,6 +131,7 @@ TRIALS: Final = pa.schema(
             "m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
         _INGEST_ID,
     ]
 )
@@ -254,6 +255,15 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "features": FEATURES,
 }
 """Every table by name."""
+
+SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_points")
+"""Tables whose rows several trials share; a trial names the rows it stands on in its `context`."""
+
+TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features")
+"""Tables whose rows belong to one trial and carry its ingest_id."""
+
+STORE_COLUMNS: Final = ("ingest_id", "context")
+"""Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
     "sessions": "one row a session",

@@ -1,0 +1,49 @@
+"""Grasp databases: built from motion capture, asked in SQL.
+
+Names are loaded when they are first used, so that ``import graspdb`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from graspdb.database import Database as Database
+    from graspdb.database import Info as Info
+    from graspdb.grasp import Grasp as Grasp
+    from graspdb.ingestion import IngestReport as IngestReport
+    from graspdb.ingestion import ingest as ingest
+    from graspdb_queries.result import Result as Result
+    from graspdb_schemas.errors import GraspDBError as GraspDBError
+
+    open = Database
+    __version__: str
+
+_HOMES = {
+    "open": ("graspdb.database", "Database"),
+    "Database": ("graspdb.database", "Database"),
+    "ingest": ("graspdb.ingestion", "ingest"),
+    "IngestReport": ("graspdb.ingestion", "IngestReport"),
+    "Info": ("graspdb.database", "Info"),
+    "Grasp": ("graspdb.grasp", "Grasp"),
+    "Result": ("graspdb_queries.result", "Result"),
+    "GraspDBError": ("graspdb_schemas.errors", "GraspDBError"),
+}
+"""Public name -> module, and name in that module."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("graspdb")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'graspdb' has no attribute {name!r}")
+    module, attribute = _HOMES[name]
+    value = globals()[name] = getattr(import_module(module), attribute)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return what the module has, names not yet loaded included."""
+    return sorted({*globals(), *_HOMES, "__version__"})

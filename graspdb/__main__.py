@@ -1,0 +1,5 @@
+"""``python -m graspdb`` is ``graspdb``."""
+
+from graspdb.cli import main
+
+main()

@@ -1,0 +1,84 @@
+"""The command line: ``graspdb COMMAND``."""
+
+import os
+import signal
+import sys
+from typing import Annotated, Final
+
+import typer
+
+from graspdb.commands.check import check
+from graspdb.commands.demo import demo
+from graspdb.commands.hand import hand
+from graspdb.commands.info import info
+from graspdb.commands.ingest import ingest
+from graspdb.commands.query import query
+from graspdb.commands.schema import schema
+from graspdb.commands.simulate import simulate
+from graspdb.commands.sql import sql
+from graspdb_schemas.errors import GraspDBError
+
+app = typer.Typer(
+    name="graspdb",
+    help="Grasp databases: built from motion capture of hand and object, asked in SQL.",
+    # Help as plain text: making it with rich takes longer than all the rest of the start.
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"max_content_width": 100},
+)
+
+app.command()(demo)
+app.command()(simulate)
+app.command()(check)
+app.command()(ingest)
+app.command()(info)
+app.command()(schema)
+app.command()(sql)
+app.command()(query)
+app.command()(hand)
+
+_FAILURE: Final = 1
+_INTERRUPTED: Final = 128 + signal.SIGINT
+
+
+@app.callback(invoke_without_command=True)
+def _graspdb(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Grasp databases: built from motion capture of hand and object, asked in SQL."""
+    if version:
+        import graspdb
+
+        typer.echo(f"graspdb {graspdb.__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(2)
+
+
+def main() -> None:
+    """Run the command line and exit: 0, 1 for a failure, 2 for wrong usage, 130 when interrupted.
+
+    What a user can cause is said in one message on standard error, without a traceback.
+    """
+    try:
+        app(prog_name="graspdb")
+    except GraspDBError as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        sys.exit(_INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read the answer has seen enough; keep Python from complaining when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(_FAILURE)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error}")
+
+
+def _fail(message: str) -> None:
+    """Say what went wrong and exit."""
+    print(f"graspdb: {message}", file=sys.stderr)
+    sys.exit(_FAILURE)

@@ -1,0 +1,25 @@
+"""``graspdb sql``: answer a SELECT statement."""
+
+from typing import Annotated
+
+import typer
+
+from graspdb.commands.options import DEFAULT_DB, Db, Format, FormatOption, Output
+
+
+def sql(
+    statement: Annotated[str, typer.Argument(metavar="SELECT", help="One SELECT statement of DuckDB's SQL.")],
+    db: Db = DEFAULT_DB,
+    format_: FormatOption = Format.TABLE,
+    output: Output = None,
+) -> None:
+    """Answer a SELECT statement over the tables of a database.
+
+    It reads one consistent state of the database, and no file outside of it. "graspdb schema" lists the
+    tables and columns.
+    """
+    from graspdb.database import Database
+    from graspdb.output import write_rows
+
+    with Database(db) as database:
+        write_rows(database.stream(statement), format_.value, output)

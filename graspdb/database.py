@@ -1,0 +1,178 @@
+"""A database, open for reading: one consistent snapshot and the questions it answers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
+
+import pyarrow as pa
+
+from graspdb.grasp import Grasp, read_grasp
+from graspdb.store.snapshot import Snapshot, take_snapshot
+from graspdb_queries.engine import Engine, Stream
+from graspdb_queries.named import named_query
+from graspdb_queries.result import Result
+from graspdb_queries.views import identifier
+from graspdb_schemas.conform import conform
+from graspdb_schemas.errors import ParameterError, nearest
+from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+
+
+@dataclass(frozen=True)
+class Info:
+    """What a database holds.
+
+    Attributes
+    ----------
+    path : Path
+        Its folder.
+    format : int
+        Version of its format.
+    rows : mapping of str to int
+        Rows of each table that are visible.
+    versions : mapping of str to int
+        Version of each table.
+    rejected : int
+        Trials that were rejected.
+    several_versions : tuple of str
+        Hands, objects and subjects of which trials stand on more than one version, since their
+        description has changed and not every trial was ingested again.
+    """
+
+    path: Path
+    format: int
+    rows: Mapping[str, int]
+    versions: Mapping[str, int]
+    rejected: int
+    several_versions: tuple[str, ...]
+
+
+class Database:
+    """One state of a database, which no writer changes.
+
+    Parameters
+    ----------
+    path : str or path
+        The database's folder.
+
+    Attributes
+    ----------
+    path : Path
+        The database's folder.
+    snapshot : Snapshot
+        The pinned version of every table.
+
+    Raises
+    ------
+    DatabaseError
+        The folder is no database, one of a newer format, or damaged.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self.path = Path(path)
+        self.snapshot: Snapshot = take_snapshot(self.path)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the database."""
+        self.close()
+
+    def close(self) -> None:
+        """Give back what queries hold in memory; the next one takes it anew."""
+        if "_engine" in self.__dict__:
+            self._engine.close()
+            del self._engine
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables."""
+        return tuple(TABLES)
+
+    def table(self, name: str) -> pa.Table:
+        """Return all rows of a table, with unit and documentation in the metadata of its fields.
+
+        Raises
+        ------
+        ParameterError
+            There is no such table.
+        """
+        if name not in TABLES:
+            raise ParameterError("table", name, ", ".join(TABLES) + nearest(name, list(TABLES)))
+        return conform(self.sql(f"SELECT * FROM {identifier(name)}").table, TABLES[name], name)
+
+    def sql(self, statement: str, /, **parameters: Any) -> Result:
+        """Answer one SELECT statement of DuckDB's SQL.
+
+        Parameters
+        ----------
+        statement : str
+            The statement; parameters are written ``$name``.
+        **parameters
+            A value for each parameter.
+
+        Raises
+        ------
+        QueryError
+            The statement is not a SELECT, is wrong, or tries to leave the database.
+        ParameterError
+            A parameter is missing or unknown.
+        """
+        return self._engine.sql(statement, parameters)
+
+    def stream(self, statement: str, /, **parameters: Any) -> Stream:
+        """Answer one SELECT statement batch by batch, in bounded memory; see `sql`."""
+        return self._engine.stream(statement, parameters)
+
+    def query(self, name: str, /, **parameters: Any) -> Result:
+        """Answer a named query; ``graspdb query --list`` tells which there are.
+
+        Raises
+        ------
+        ParameterError
+            There is no such query, or a parameter is unknown, missing or of the wrong kind.
+        """
+        named = named_query(name)
+        return self._engine.sql(named.sql, named.bind(parameters))
+
+    def grasp(self, key: str) -> Grasp:
+        """Return one grasp with its arrays.
+
+        Raises
+        ------
+        QueryError
+            There is no such grasp; the message names those with names like it.
+        """
+        return read_grasp(self._engine, key)
+
+    def info(self) -> Info:
+        """Return what the database holds."""
+        counts = " UNION ALL ".join(f"SELECT '{name}' AS name, count(*) AS n FROM {name}" for name in TABLES)
+        rejected = self.sql("SELECT count(*) FROM trials WHERE status = 'rejected'").rows()[0][0]
+        return Info(
+            path=self.path,
+            format=SCHEMA_VERSION,
+            rows=dict(self.sql(counts).rows()),
+            versions=self.snapshot.versions,
+            rejected=rejected,
+            several_versions=tuple(row[0] for row in self.sql(_SEVERAL_VERSIONS).rows()),
+        )
+
+    @cached_property
+    def _engine(self) -> Engine:
+        return Engine(self.snapshot.sources)
+
+
+_SEVERAL_VERSIONS = """
+    SELECT 'subject ' || session || '/' || subject FROM subjects GROUP BY session, subject HAVING count(*) > 1
+    UNION ALL
+    SELECT 'hand ' || session || '/' || subject || '/' || side FROM hands
+    GROUP BY session, subject, side HAVING count(*) > 1
+    UNION ALL
+    SELECT 'object ' || session || '/' || object FROM objects GROUP BY session, object HAVING count(*) > 1
+    ORDER BY ALL
+"""

@@ -1,0 +1,164 @@
+"""One grasp with its arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graspdb_queries.engine import Engine
+from graspdb_schemas.errors import QueryError, nearest
+from graspdb_schemas.vocabulary import N_Q, N_SITES
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """One hold of one object by one hand, as it was at its snapshot; object frame, SI units.
+
+    Attributes
+    ----------
+    id, trial, session, subject, object, side : str
+        Its key, and what it belongs to.
+    snapshot_kind : str
+        lift_onset, or steadiest where there is no lift.
+    snapshot_time : float or None
+        Time of the snapshot [s].
+    digits, contact_sites : tuple of str
+        Digits in contact, thumb first, and the sites that touch.
+    q : ndarray, shape (30,)
+        Configuration of the hand [m, 1, rad].
+    sites : ndarray, shape (20, 3)
+        Centres of the spheres [m].
+    gap : ndarray, shape (20,)
+        Signed distance of each sphere to the object's cloud [m].
+    object_from_hand : ndarray, shape (4, 4)
+        Pose of the hand segment.
+    contact_points, contact_normals : ndarray, shape (n_contacts, 3)
+        Where the sites touch [m], and the outward normals there, in the order of `contact_sites`.
+    hull_vertices, hull_faces : ndarray, shapes (n, 3) and (m, 3)
+        The enclosing space: vertices [m], and triangles as indices of vertices.
+    hull_volume : float or None
+        Its volume [m3].
+    feature_points : ndarray of int, shape (k,)
+        Indices of the object's points in the enclosing space: the graspable feature.
+    feature_cloud, feature_normals : ndarray, shape (k, 3)
+        Their positions [m] and outward normals.
+    descriptor : ndarray, shape (66,)
+        Descriptor of the feature.
+    quality : mapping of str to float
+        Grasp quality indices by name.
+
+    Numbers that are missing are NaN; an array that is missing as a whole has no rows, or is all NaN.
+    """
+
+    id: str
+    trial: str
+    session: str
+    subject: str
+    object: str
+    side: str
+    snapshot_kind: str
+    snapshot_time: float | None
+    digits: tuple[str, ...]
+    contact_sites: tuple[str, ...]
+    q: Floats
+    sites: Floats
+    gap: Floats
+    object_from_hand: Floats
+    contact_points: Floats
+    contact_normals: Floats
+    hull_vertices: Floats
+    hull_faces: NDArray[np.int32]
+    hull_volume: float | None
+    feature_points: NDArray[np.int32]
+    feature_cloud: Floats
+    feature_normals: Floats
+    descriptor: Floats
+    quality: Mapping[str, float]
+
+
+def read_grasp(engine: Engine, key: str) -> Grasp:
+    """Return one grasp of a snapshot.
+
+    Raises
+    ------
+    QueryError
+        There is no such grasp.
+    """
+    found = _rows_of(engine, "grasps", key)
+    if not found:
+        raise _no_grasp(engine, key)
+    row = found[0]
+    contacts = {contact["site"]: contact for contact in _rows_of(engine, "contacts", key)}
+    feature = next(iter(_rows_of(engine, "features", key)), {})
+    points = np.array(feature.get("points") or [], dtype=np.int32)
+    cloud, normals = _cloud(engine, row["trial"], points)
+    touching = [contacts[site] for site in row["contact_sites"] or () if site in contacts]
+    return Grasp(
+        id=row["grasp"],
+        **{name: row[name] for name in ("trial", "session", "subject", "object", "side")},
+        **{name: row[name] for name in ("snapshot_kind", "snapshot_time", "hull_volume")},
+        digits=tuple(row["digits"] or ()),
+        contact_sites=tuple(row["contact_sites"] or ()),
+        q=_floats(row["q"], (N_Q,)),
+        sites=_floats(row["sites_object"], (N_SITES, 3)),
+        gap=_floats(row["gap"], (N_SITES,)),
+        object_from_hand=_floats(row["object_from_hand"], (4, 4)),
+        contact_points=_rows([contact["position"] for contact in touching]),
+        contact_normals=_rows([contact["normal"] for contact in touching]),
+        hull_vertices=_rows(feature.get("hull_vertices")),
+        hull_faces=np.array(feature.get("hull_faces") or [], dtype=np.int32).reshape(-1, 3),
+        feature_points=points,
+        feature_cloud=cloud,
+        feature_normals=normals,
+        descriptor=np.array(feature.get("descriptor") or [], dtype=float),
+        quality=dict(row["quality"] or ()),
+    )
+
+
+def _rows_of(engine: Engine, table: str, key: str) -> list[dict[str, Any]]:
+    """Return the rows of a table that belong to a grasp."""
+    rows = engine.sql(f"SELECT * FROM {table} WHERE grasp = $grasp", {"grasp": key}).table
+    return list(rows.to_pylist())
+
+
+def _cloud(engine: Engine, trial: str, points: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Return positions and normals of points, from the very rows of the object that the trial stands on."""
+    table = engine.sql(
+        """
+        SELECT point, position, normal
+        FROM object_points
+        WHERE ingest_id IN (SELECT unnest(context) FROM trials WHERE trial = $trial)
+        """,
+        {"trial": trial},
+    ).table
+    by_point = dict(zip(table["point"].to_pylist(), range(table.num_rows), strict=True))
+    chosen = table.take([by_point[point] for point in points.tolist() if point in by_point])
+    return _rows(chosen["position"].to_pylist()), _rows(chosen["normal"].to_pylist())
+
+
+def _rows(values: list[Any] | None) -> Floats:
+    """Return vectors as an array of shape (n, 3), NaN where one is missing."""
+    vectors = [[np.nan] * 3 if value is None else value for value in values or ()]
+    return np.array(vectors, dtype=float).reshape(-1, 3)
+
+
+def _floats(values: list[Any] | None, shape: tuple[int, ...]) -> Floats:
+    """Return numbers as an array of a shape, NaN where they are missing."""
+    if values is None:
+        return np.full(shape, np.nan)
+    if len(shape) == 1:
+        return np.array(values, dtype=float)
+    return np.array([[np.nan] * shape[1] if row is None else row for row in values], dtype=float)
+
+
+def _no_grasp(engine: Engine, key: str) -> QueryError:
+    """Say which grasps there are with names like this."""
+    keys = engine.sql("SELECT grasp FROM grasps").table["grasp"].to_pylist()
+    return QueryError(
+        f"the database has no grasp {key!r}{nearest(key, keys)}",
+        "graspdb sql 'SELECT grasp FROM grasps' lists them.",
+    )

@@ -1,0 +1,257 @@
+"""Committing trials: other rows first, the row in `trials` last and atomically.
+
+docs/store.md says in plain words what this promises and why it holds.
+"""
+
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+import pyarrow.compute as pc
+from deltalake import CommitProperties, DeltaTable, WriterProperties, write_deltalake
+from deltalake.exceptions import CommitFailedError, DeltaError
+
+from graspdb.store.bundle import Trial
+from graspdb.store.content import KEY_LENGTH
+from graspdb.store.fence import Patience, commit_properties, generation
+from graspdb.store.layout import first_line, read_trials
+from graspdb_schemas.conform import conform
+from graspdb_schemas.errors import DatabaseError, ParameterError
+from graspdb_schemas.tables import TABLES
+
+_ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
+
+
+class Outcome(StrEnum):
+    """What a commit did with a trial."""
+
+    ADDED = "added"
+    REPLACED = "replaced"
+    UNCHANGED = "unchanged"
+
+
+@dataclass(frozen=True)
+class Committed:
+    """What became of one trial.
+
+    Attributes
+    ----------
+    trial : str
+        Key of the trial.
+    outcome : Outcome
+        Added, replaced, or unchanged since its input_key stands in the database already.
+    """
+
+    trial: str
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class _State:
+    """What one version of `trials` says about a batch.
+
+    Attributes
+    ----------
+    generation : int
+        Number of sweeps so far.
+    input_keys : mapping of str to str
+        Those of the batch's trials that are there -> their input_key.
+    contexts : mapping of str to str
+        Content key -> ingest_id of session-level rows that committed trials of these sessions stand on.
+    """
+
+    generation: int
+    input_keys: Mapping[str, str]
+    contexts: Mapping[str, str]
+
+    def unchanged(self, trial: Trial) -> bool:
+        """Whether the trial stands in the database with the same input_key."""
+        return self.input_keys.get(trial.key) == trial.input_key
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """A trial with its fresh ingest_id and the session-level rows it stands on: content key -> ingest_id."""
+
+    trial: Trial
+    ingest_id: str
+    context: Mapping[str, str]
+
+
+def commit_trials(
+    root: Path, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+) -> tuple[Committed, ...]:
+    """Commit trials together: all of them become visible in one step, or none.
+
+    Parameters
+    ----------
+    root : Path
+        The database's folder, for messages.
+    tables : mapping of str to DeltaTable
+        Its open tables; they are brought up to date.
+    trials : sequence of Trial
+        The trials, each at most once.
+    force : bool
+        Whether to replace a trial that has not changed.
+
+    Raises
+    ------
+    ParameterError
+        A trial is given twice.
+    DatabaseError
+        The database cannot be written, or other writers leave no turn.
+    """
+    keys = [trial.key for trial in trials]
+    if len(set(keys)) != len(keys):
+        raise ParameterError("trials", max(keys, key=keys.count), "each trial once")
+    patience = Patience(root)
+    while True:
+        state = _read(tables["trials"], trials)
+        todo = [trial for trial in trials if force or not state.unchanged(trial)]
+        if not todo:
+            return tuple(Committed(key, Outcome.UNCHANGED) for key in keys)
+        prepared, rows = _prepare(todo, state)
+        for name, parts in rows.items():
+            _append(root, name, tables[name], pa.concat_tables(parts))
+        outcomes = _publish(root, tables["trials"], prepared, state, force)
+        if outcomes is not None:
+            return tuple(Committed(key, outcomes.get(key, Outcome.UNCHANGED)) for key in keys)
+        patience.pause()
+
+
+def quoted(values: Sequence[str]) -> str:
+    """Return values as a list of SQL text literals."""
+    return ", ".join("'" + value.replace("'", "''") + "'" for value in values)
+
+
+def content_key_of(ingest_id: str) -> str:
+    """Return the content key at the end of a session-level ingest_id."""
+    return ingest_id[-KEY_LENGTH:]
+
+
+def _fresh_id() -> str:
+    """Return an ingest_id that no other ingest has; later ones sort after earlier ones."""
+    return f"{time.time_ns():016x}-{secrets.token_hex(6)}"
+
+
+def _read(table: DeltaTable, trials: Sequence[Trial]) -> _State:
+    """Bring `trials` up to date and return what it says about a batch."""
+    table.update_incremental()
+    sessions = sorted({trial.session for trial in trials})
+    stored = read_trials(
+        table, ["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
+    )
+    batch = stored.filter(pc.is_in(stored["trial"], pa.array([trial.key for trial in trials], pa.string())))
+    input_keys = dict(zip(batch["trial"].to_pylist(), batch["input_key"].to_pylist(), strict=True))
+    contexts = stored["context"].combine_chunks().flatten().unique().to_pylist()
+    return _State(generation(table), input_keys, {content_key_of(key): key for key in sorted(contexts)})
+
+
+def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], dict[str, list[pa.Table]]]:
+    """Give every trial a fresh ingest_id, and return the rows to write before the trials' own."""
+    known = dict(state.contexts)
+    rows: dict[str, list[pa.Table]] = {}
+    prepared = []
+    for trial in trials:
+        for unit in trial.units:
+            if unit.content_key not in known:
+                known[unit.content_key] = f"{_fresh_id()}-{unit.content_key}"
+                for name, table in unit.tables.items():
+                    rows.setdefault(name, []).append(_stamped(name, table, known[unit.content_key]))
+        ingest_id = _fresh_id()
+        for name, table in trial.tables.items():
+            rows.setdefault(name, []).append(_stamped(name, table, ingest_id))
+        context = {unit.content_key: known[unit.content_key] for unit in trial.units}
+        prepared.append(_Prepared(trial, ingest_id, context))
+    return prepared, rows
+
+
+def _publish(
+    root: Path, table: DeltaTable, prepared: Sequence[_Prepared], state: _State, force: bool
+) -> dict[str, Outcome] | None:
+    """Write the rows in `trials`: the commit point.
+
+    Returns
+    -------
+    dict of str to Outcome, or None
+        What became of each trial written; None if a sweep came between, so that rows written before
+        it may be gone.
+    """
+    patience = Patience(root)
+    expected = state.generation
+    while state.generation == expected:
+        todo = [item for item in prepared if force or not state.unchanged(item.trial)]
+        if not todo:
+            return {}
+        rows = pa.concat_tables([_trial_row(item, state) for item in todo])
+        keys = [item.trial.key for item in todo]
+        replaced = [key for key in keys if key in state.input_keys]
+        predicate = f"trial IN ({quoted(keys)})" if replaced else None
+        try:
+            _write(root, "trials", table, rows, commit_properties(table), predicate)
+        except CommitFailedError:
+            patience.pause()
+            state = _read(table, [item.trial for item in prepared])
+            continue
+        return {key: Outcome.REPLACED if key in replaced else Outcome.ADDED for key in keys}
+    return None
+
+
+def _trial_row(item: _Prepared, state: _State) -> pa.Table:
+    """Return the row in `trials`; session-level rows that another writer has committed meanwhile win."""
+    context = [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
+    row = item.trial.row.append_column("context", pa.array([context], pa.list_(pa.string())))
+    return _stamped("trials", row, item.ingest_id)
+
+
+def _stamped(name: str, table: pa.Table, ingest_id: str) -> pa.Table:
+    """Return a table's rows with their ingest_id, as declared."""
+    stamp = pa.repeat(pa.scalar(ingest_id, pa.string()), table.num_rows)
+    return conform(table.append_column("ingest_id", stamp), TABLES[name], name)
+
+
+def _append(root: Path, name: str, table: DeltaTable, rows: pa.Table) -> None:
+    """Append rows to a table whose rows stay unseen until `trials` names their ingest_id."""
+    patience = Patience(root)
+    while True:
+        try:
+            return _write(root, name, table, rows, CommitProperties(max_commit_retries=100), None)
+        except CommitFailedError:
+            patience.pause()
+            table.update_incremental()
+
+
+def _write(
+    root: Path,
+    name: str,
+    table: DeltaTable,
+    rows: pa.Table,
+    properties: CommitProperties,
+    predicate: str | None,
+) -> None:
+    """Append rows, or put them in the place of those that a predicate names, in one Delta commit."""
+    try:
+        if predicate is None:
+            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=_ZSTD)
+        else:
+            write_deltalake(
+                table,
+                rows,
+                mode="overwrite",
+                predicate=predicate,
+                commit_properties=properties,
+                writer_properties=_ZSTD,
+            )
+    except CommitFailedError:
+        raise
+    except (DeltaError, OSError) as error:
+        raise DatabaseError(
+            root,
+            f"cannot write to table {name!r}: {first_line(error)}",
+            "What was committed before is safe; free space or permissions, then run again.",
+        ) from error

@@ -1,0 +1,92 @@
+"""Session-level rows as units that are told apart by their content."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+if TYPE_CHECKING:
+    from hashlib import _Hash
+
+KEY_LENGTH: Final = 32
+"""Hexadecimal digits of a content key: 128 bits of a sha256."""
+
+_UNITS: Final[tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = (
+    (("sessions",), ("session",)),
+    (("subjects",), ("session", "subject")),
+    (("hands",), ("session", "subject", "side")),
+    (("objects", "object_points"), ("session", "object")),
+)
+"""Tables whose rows belong together, and the columns that name what they describe."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The rows that describe one session, subject, hand or object.
+
+    Attributes
+    ----------
+    content_key : str
+        The same for the same rows, different for different ones.
+    describes : mapping of str to str
+        What the rows describe: values of their columns session, subject, side, object.
+    tables : mapping of str to pyarrow.Table
+        Its rows by table, without ingest_id.
+    """
+
+    content_key: str
+    describes: Mapping[str, str]
+    tables: Mapping[str, pa.Table]
+
+    def belongs_to(self, trial: Mapping[str, Any]) -> bool:
+        """Whether a trial with this row in `trials` stands on the unit."""
+        return all(trial.get(column) == value for column, value in self.describes.items() if column != "side")
+
+
+def units(tables: Mapping[str, pa.Table]) -> Iterator[Unit]:
+    """Yield the units among the rows of a trial or a session."""
+    for names, columns in _UNITS:
+        present = [name for name in names if name in tables and tables[name].num_rows]
+        if not present:
+            continue
+        for named in tables[present[0]].select(columns).group_by(list(columns)).aggregate([]).to_pylist():
+            rows = {name: _matching(tables[name], named) for name in present}
+            yield Unit(content_key(rows), named, rows)
+
+
+def content_key(tables: Mapping[str, pa.Table]) -> str:
+    """Return a key of the content of tables: of names, types and values, not of memory layout."""
+    digest = hashlib.sha256()
+    for name in sorted(tables):
+        for column in tables[name].column_names:
+            digest.update(f"{name}.{column}".encode())
+            _update(digest, tables[name][column].combine_chunks())
+    return digest.hexdigest()[:KEY_LENGTH]
+
+
+def _matching(table: pa.Table, named: Mapping[str, str]) -> pa.Table:
+    """Return the rows whose columns have the given values."""
+    mask = pa.scalar(True)
+    for column, value in named.items():
+        mask = pc.and_(mask, pc.equal(table[column], value))
+    return table if pc.all(mask).as_py() else table.filter(mask)
+
+
+def _update(digest: "_Hash", array: pa.Array) -> None:
+    """Feed an array's type, length, nulls and values to a digest."""
+    kind = array.type
+    digest.update(f"{kind.id}:{len(array)}".encode())
+    digest.update(pc.is_valid(array).to_numpy(zero_copy_only=False).tobytes())
+    if pa.types.is_list(kind):
+        lengths = pc.fill_null(pc.list_value_length(array), 0)
+        digest.update(lengths.to_numpy(zero_copy_only=False).tobytes())
+        _update(digest, array.flatten())
+    elif pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        zero = pa.scalar(0).cast(kind)
+        digest.update(pc.fill_null(array, zero).to_numpy(zero_copy_only=False).tobytes())
+    else:
+        for value in array.to_pylist():
+            digest.update(repr(value).encode())

@@ -1,0 +1,194 @@
+"""DuckDB over one snapshot: documented views, bound parameters, and no way out of the database."""
+
+import tempfile
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, Self
+
+import duckdb
+import pyarrow as pa
+
+from graspdb_queries.explain import NOT_A_QUERY, query_error
+from graspdb_queries.result import Result
+from graspdb_queries.source import TableSource
+from graspdb_queries.views import INTERNAL, comments_sql, helper_tables, view_sql
+from graspdb_schemas.errors import ParameterError, QueryError, nearest
+
+_BATCH_ROWS: Final = 65536
+
+
+class Engine:
+    """Answers SQL over one snapshot of a database; reads its Parquet files, and nothing else.
+
+    Before the first query the engine is locked: no file but those of the snapshot can be opened, no
+    extension loaded, no setting changed. Only SELECT statements are run.
+
+    Parameters
+    ----------
+    sources : mapping of str to TableSource
+        Files and committed rows of each table.
+
+    Raises
+    ------
+    QueryError
+        A file of the snapshot is missing or damaged.
+    """
+
+    def __init__(self, sources: Mapping[str, TableSource]) -> None:
+        # What does not fit into memory is spilled here; DuckDB makes the folder, and removes it.
+        spill = Path(tempfile.gettempdir()) / f"graspdb-{uuid.uuid4().hex}"
+        self._connection = duckdb.connect(
+            ":memory:",
+            config={
+                "temp_directory": str(spill),
+                "autoinstall_known_extensions": "false",
+                "autoload_known_extensions": "false",
+                "allow_community_extensions": "false",
+                "python_enable_replacements": "false",
+            },
+        )
+        try:
+            self._create_views(sources)
+        except duckdb.Error as error:
+            raise QueryError(
+                str(error), "A file is missing or damaged: restore the folder from a copy."
+            ) from error
+        self._lock(sources)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the connection."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection and remove what it spilled."""
+        self._connection.close()
+
+    def sql(self, statement: str, parameters: Mapping[str, Any] | None = None) -> Result:
+        """Run one SELECT statement.
+
+        Parameters
+        ----------
+        statement : str
+            SQL of DuckDB; parameters are written ``$name``.
+        parameters : mapping of str to value
+            A value for each parameter.
+
+        Raises
+        ------
+        QueryError
+            The statement is not a SELECT, is wrong, or tries to leave the database.
+        ParameterError
+            A parameter is missing or not in the statement.
+        """
+        cursor = self._connection.cursor()
+        bound = self._checked(cursor, statement, parameters or {})
+        with _explained(statement):
+            return Result(cursor.sql(statement, params=bound).to_arrow_table())
+
+    def stream(self, statement: str, parameters: Mapping[str, Any] | None = None) -> "Stream":
+        """Run one SELECT statement and return its rows batch by batch, in bounded memory; see `sql`."""
+        cursor = self._connection.cursor()
+        bound = self._checked(cursor, statement, parameters or {})
+        with _explained(statement):
+            return Stream(statement, cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS))
+
+    def _create_views(self, sources: Mapping[str, TableSource]) -> None:
+        """Create the documented view of every table."""
+        connection = self._connection
+        connection.execute(f"CREATE SCHEMA {INTERNAL}")
+        for name, table in helper_tables(sources):
+            connection.register("incoming", table)
+            connection.execute(f"CREATE TABLE {INTERNAL}.{name} AS SELECT * FROM incoming")
+            connection.unregister("incoming")
+        for name, source in sources.items():
+            connection.execute(";".join([view_sql(name, source), *comments_sql(name)]))
+
+    def _lock(self, sources: Mapping[str, TableSource]) -> None:
+        """Leave the snapshot's files as the only ones that can be opened, for good."""
+        files = [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
+        self._connection.execute("SET allowed_paths = $files", {"files": files})
+        self._connection.execute("SET enable_external_access = false")
+        self._connection.execute("SET lock_configuration = true")
+
+    def _checked(
+        self, cursor: duckdb.DuckDBPyConnection, statement: str, parameters: Mapping[str, Any]
+    ) -> dict[str, Any] | None:
+        """Return the parameters to bind, having checked that the statement only reads."""
+        if not _is_utf8(statement):
+            raise QueryError("the query is not UTF-8 text", NOT_A_QUERY)
+        with _explained(statement):
+            parsed = cursor.extract_statements(statement)
+        if len(parsed) != 1:
+            raise QueryError(f"found {len(parsed)} statements, and one can be answered", NOT_A_QUERY)
+        if parsed[0].type == duckdb.StatementType.MULTI:
+            raise QueryError("PIVOT has to be told its values", "Write PIVOT ... ON column IN (value, ...).")
+        if parsed[0].type != duckdb.StatementType.SELECT:
+            raise QueryError(f"found a statement of kind {parsed[0].type.name}", NOT_A_QUERY)
+        wanted = sorted(parsed[0].named_parameters)
+        for name in parameters:
+            if name not in wanted:
+                allowed = ", ".join(wanted) or "none, for the query has no parameters"
+                raise ParameterError("parameter", name, allowed + nearest(name, wanted))
+        for name in wanted:
+            if name not in parameters:
+                raise ParameterError(f"parameter {name}", "no value", "a value for each $name in the query")
+        return dict(parameters) or None
+
+
+class Stream:
+    """Rows of an answer, batch by batch.
+
+    Attributes
+    ----------
+    schema : pyarrow.Schema
+        Columns of the answer.
+    """
+
+    def __init__(self, statement: str, reader: pa.RecordBatchReader) -> None:
+        self._statement = statement
+        self._reader = reader
+        self.schema = reader.schema
+
+    def __iter__(self) -> Iterator[pa.RecordBatch]:
+        """Yield the batches.
+
+        Raises
+        ------
+        QueryError
+            The query fails on the rows that follow.
+        """
+        while True:
+            with _explained(self._statement):
+                try:
+                    batch = self._reader.read_next_batch()
+                except StopIteration:
+                    return
+            yield batch
+
+
+def _is_utf8(text: str) -> bool:
+    """Whether a text is free of lone surrogates, which stand for undecodable bytes of a command line."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@contextmanager
+def _explained(statement: str) -> Iterator[None]:
+    """Turn errors of DuckDB, and of Arrow reading from it, into QueryError."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "interrupted" in str(error).lower():
+            raise KeyboardInterrupt from error
+        raise query_error(str(error), statement) from error
+    except (duckdb.Error, OSError, pa.ArrowException) as error:
+        raise query_error(str(error), statement) from error

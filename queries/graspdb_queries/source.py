@@ -1,0 +1,28 @@
+"""What the engine is told about a table: which files to read, and which rows of them count."""
+
+from dataclasses import dataclass, field
+
+import pyarrow as pa
+
+
+def _none() -> pa.Array:
+    return pa.array([], pa.string())
+
+
+@dataclass(frozen=True)
+class TableSource:
+    """One table at one version.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Parquet files of which every row counts.
+    mixed_files : tuple of str
+        Parquet files of which only the rows count whose ``ingest_id`` is in `committed`.
+    committed : pyarrow.Array of string
+        Committed ingest_ids; looked at for `mixed_files` alone.
+    """
+
+    files: tuple[str, ...] = ()
+    mixed_files: tuple[str, ...] = ()
+    committed: pa.Array = field(default_factory=_none)
