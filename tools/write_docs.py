@@ -24,9 +24,9 @@ def _tables() -> Iterator[str]:
     yield "Made by `make docs` from the declared schemas; `graspdb schema` prints the same."
     yield ""
     yield "Lengths are in metres, angles in radians, times in seconds, masses in kilograms. Shapes stand in"
-    yield "round brackets. A value that is missing is null. Every table but `trials` has rows of ingests that"
-    yield "count only once `trials` names them; the views that `graspdb sql` reads show these alone. docs/store.md"
-    yield "explains that, and how to join trials to the very rows of objects and hands that they stand on."
+    yield "round brackets. A value that is missing is null. Rows of every table but `trials` count once"
+    yield "`trials` names their `ingest_id`; `graspdb sql` shows these alone. docs/store.md explains that,"
+    yield "and how to join trials to the very rows of objects and hands that they stand on."
     for table in describe_tables():
         yield ""
         yield f"## {table.name}"
@@ -36,7 +36,7 @@ def _tables() -> Iterator[str]:
         yield "| column | type | unit | what it holds |"
         yield "|---|---|---|---|"
         for column in table.columns:
-            kind = column.kind + ("" if column.nullable else ", never null")
+            kind = f"`{column.kind}`" + ("" if column.nullable else ", never null")
             yield f"| `{column.name}` | {kind} | {column.unit} | {_escaped(column.doc)} |"
 
 

@@ -22,7 +22,8 @@ _KEYS: Final = ("ingest_id", "session", "trial", "grasp", "subject", "object", "
 _CREATION_ORDER: Final = (*(name for name in TABLES if name != "trials"), "trials")
 """`trials` comes last: a folder that has it is a whole database."""
 
-_FORBIDDEN: Final = re.compile(r"[\[\]^|\\%\x00-\x1f\x7f]")
+_FORBIDDEN: Final = re.compile(r"[\[\]^|\\%*?\x00-\x1f\x7f]")
+"""What Delta Lake's paths cannot have, and what DuckDB takes for a pattern."""
 
 
 def create(root: Path) -> None:
@@ -84,19 +85,19 @@ def read_trials(trials: DeltaTable, columns: list[str], predicate: str | None = 
 
 
 def check_path(root: Path) -> None:
-    """Raise where Delta Lake could not keep tables at a path.
+    """Raise where tables cannot be kept at a path.
 
     Raises
     ------
     DatabaseError
-        The path is a file, or has a character that Delta Lake's paths cannot have.
+        The path is a file, or has a character that paths of tables cannot have.
     """
     if root.exists() and not root.is_dir():
         raise DatabaseError(root, "a file, not a folder", "A database is a folder; name one.")
     bad = _FORBIDDEN.search(str(root))
     if bad:
         raise DatabaseError(
-            root, f"Delta Lake cannot keep tables in a path with {bad[0]!r} in it", "Name another folder."
+            root, f"tables cannot be kept in a path with {bad[0]!r} in it", "Name another folder."
         )
 
 

@@ -65,9 +65,9 @@ def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
     """Return every ingest_id in a table: from the log, or from the files that hold several."""
     table.update_incremental()
     files = table_files(root, name, table)
-    ids = [files.least.filter(files.single)]
-    for path in files.paths.filter(pc.invert(files.single)).to_pylist():
-        ids.extend(pq.read_table(path, columns=["ingest_id"])["ingest_id"].unique().chunks)
+    mixed = files.paths.filter(pc.invert(files.single)).to_pylist()
+    columns = (pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"] for path in mixed)
+    ids = [files.least.filter(files.single), *(column.unique() for column in columns)]
     return pa.chunked_array(ids, pa.string()).unique()
 
 

@@ -36,7 +36,8 @@ class Hold:
         Frame in which the object begins to rise from rest in the hold's first lift; None where
         no lift from rest is seen.
     put_down : int or None
-        First frame at rest after the hold's last lift; None where the object is not put down.
+        First frame at rest after the hold's last lift, at most `minimum_gap` after `last`; None
+        where the object is not put down.
     snapshot : int
         The frame that stands for the hold; hand and object are known in it.
     snapshot_kind : {'lift_onset', 'steadiest'}
@@ -253,20 +254,22 @@ def _lift_onset(span: _Span, rise: _Rise, rate: float, parameters: EventParamete
     the lowest height of the recording counts.
     """
     reach = _frames(parameters.minimum_gap, rate)
+    shortest = _frames(parameters.minimum_rest, rate)
     begin, end = max(0, span.first - reach), span.last + 1
     highest = np.inf if span.begun else np.fmin.reduce(rise.height) + parameters.lift_height
     rests = [
         (max(start, begin), min(stop, end))
         for start, stop in _runs(rise.slow)
-        if stop - start >= _frames(parameters.minimum_rest, rate) and stop > begin and start < end
+        if stop - start >= shortest and stop > begin and start < end
     ]
     for i, (start, stop) in enumerate(rests):
         base = float(np.median(rise.height[start:stop]))
         until = rests[i + 1][1] if i + 1 < len(rests) else end
-        above = np.flatnonzero(rise.height[stop:until] > base + parameters.lift_height)
-        if base > highest or not len(above):
+        above = _runs(rise.height[stop:until] > base + parameters.lift_height)
+        raised = [run[0] for run in above if run[1] - run[0] >= shortest]
+        if base > highest or not raised:
             continue
-        before = slice(start, stop + int(above[0]))
+        before = slice(start, stop + raised[0])
         low = rise.height[before] < base + parameters.lift_height / 2
         still = start + int(np.flatnonzero(rise.slow[before] & low)[-1])
         onset = max(span.first, _before_threshold(still, start, until, rise, reach))

@@ -88,7 +88,8 @@ class EventParameters:
     rest_speed : float
         An object whose height changes slower than this is at rest [m/s].
     minimum_rest : float
-        Shortest rest that a lift can start from [s]; a turning point of a path is shorter.
+        Shortest rest that a lift can start from, and shortest time that a lifted object stays
+        raised [s]; a turning point of a path and a spike of noise are shorter.
     lift_height : float
         An object raised by more than this has been lifted [m].
     minimum_hold : float

@@ -27,7 +27,7 @@ def _key(name: str, doc: str) -> pa.Field:
     return _column(name, pa.string(), doc, nullable=False)
 
 
-_INGEST_ID = _key("ingest_id", "the ingest that wrote this row; committed if it stands in trials")
+_INGEST_ID = _key("ingest_id", "the ingest that wrote this row; it counts if trials names it")
 _SESSION = _key("session", "identifier of the session")
 _TRIAL = _key("trial", "<session>/<name of the trial's file without its ending>")
 _GRASP = _key("grasp", "<trial>/<side>/<number of the grasp in the trial>")

@@ -1,5 +1,6 @@
 """Real recordings from their files to their rows, against written figures."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,12 @@ FIXTURES = Path(__file__).parents[1] / "fixtures"
 
 
 @pytest.fixture(scope="module")
-def pillow(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> graspdb.Database:
+def pillow(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[graspdb.Database]:
     db = tmp_path_factory.mktemp("pillow") / "grasps"
     report = ingest(FIXTURES / "pillow", db, data_root=shared_data)
     assert [trial.status for trial in report.trials] == ["ok"]
-    return graspdb.open(db)
+    with graspdb.open(db) as database:
+        yield database
 
 
 def test_pillow_is_held_about_twenty_times_and_never_lifted(pillow: graspdb.Database) -> None:

@@ -28,5 +28,5 @@ def test_every_column_is_documented() -> None:
     for name, schema in TABLES.items():
         section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
         lines = [line for line in section.splitlines() if line.startswith("| ")][1:]
-        assert [line.split(" | ")[0].strip("| *") for line in lines] == schema.names
+        assert [line.split(" | ")[0].strip("| *`") for line in lines] == schema.names
         assert all(line.rsplit(" | ", 1)[1].strip(" |") for line in lines), name

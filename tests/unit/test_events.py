@@ -1,6 +1,7 @@
 """Holds, lifts and snapshots, on synthesised movements whose events are known."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -149,6 +150,12 @@ def test_object_that_lies_still_is_not_lifted():
         assert only(trial.holds()).lift_onset is None
 
 
+def test_single_frame_that_jumps_is_no_lift():
+    trial = movement([], [(1.0, 4.0)])
+    trial.positions[250] += 0.06 * UP
+    assert only(trial.holds()).lift_onset is None
+
+
 def test_object_pushed_and_then_lifted_is_lifted_when_it_rises():
     trial = movement([(1.2, 1.5, (0.4, 0.0, 0.0)), (2.5, 0.8, (0.0, 0.0, 0.1))], [(1.0, 4.5)])
     assert trial.times[only(trial.holds()).lift_onset] == pytest.approx(2.5, abs=0.04)
@@ -156,10 +163,10 @@ def test_object_pushed_and_then_lifted_is_lifted_when_it_rises():
 
 def test_steadiest_frame_is_the_slowest_of_those_with_most_contacts():
     trial = movement([], [(1.0, 4.0)])
-    wave = 0.01 * np.sin(2 * np.pi * (trial.times - 2.75))
-    wave[np.abs(trial.times - 1.5) < 0.2] = 0.0
+    wave = 0.01 * np.sin(2 * np.pi * (trial.times - 2.7525))
+    wave[np.abs(trial.times - 1.5) < 0.35] = 0.0
     sites = trial.sites + wave[:, None, None] * UP
-    trial.gap[(trial.times > 1.2) & (trial.times < 1.8), 3:] = FAR
+    trial.gap[np.abs(trial.times - 1.5) < 0.4, 3:] = FAR
     hold = only(replace(trial, sites=sites).holds())
     turning_points = np.array([2.0, 2.5, 3.0, 3.5])
     assert np.abs(trial.times[hold.snapshot] - turning_points).min() < 0.011
@@ -289,6 +296,13 @@ def test_object_in_the_air_from_the_start_has_no_lift_until_it_was_put_down():
     assert trial.times[only(trial.holds()).lift_onset] == pytest.approx(4.0, abs=0.04)
 
 
+def test_turning_points_of_an_object_in_the_air_are_no_rest():
+    trial = movement([], [(-1.0, 9.0)])
+    swing = 0.03 * np.sin(2 * np.pi * 0.8 * trial.times)
+    swung = replace(trial, positions=trial.positions + swing[:, None] * UP)
+    assert only(swung.holds()).lift_onset is None
+
+
 def test_object_that_rose_before_the_hand_came_was_not_lifted_by_it():
     assert only(movement([(0.5, 1.5, (0.0, 0.0, 0.3))], [(1.2, 4.0)]).holds()).lift_onset is None
 
@@ -335,3 +349,28 @@ def test_order_of_the_spheres_does_not_matter():
     trial = lift(noise=POSE_NOISE, seed=4)
     order = np.random.default_rng(0).permutation(20)
     assert replace(trial, gap=trial.gap[:, order], sites=trial.sites[:, order]).holds() == trial.holds()
+
+
+def test_holds_are_ordered_and_snapshots_known_whatever_the_data():
+    rng = np.random.default_rng(11)
+    found = 0
+    for _ in range(60):
+        n = int(rng.integers(2, 400))
+        steps = rng.normal(0, rng.choice([0.001, 0.01]), (n, 3))
+        positions = np.cumsum(steps * (rng.random((n, 1)) < 0.5), axis=0)
+        gap = 0.01 * np.abs(np.cumsum(rng.normal(0, 0.1, (n, 20)), axis=0))
+        sites = positions[:, None] + rng.normal(0, 0.05, (n, 20, 3))
+        hidden = np.repeat(rng.random(n // 7 + 1) < 0.3, 7)[:n]
+        positions[hidden] = gap[hidden] = np.nan
+        trial = Movement(np.arange(n) / 100, gap, positions, sites)
+        holds = trial.holds()
+        found += len(holds)
+        assert all(one.last < other.first for one, other in pairwise(holds))
+        for hold in holds:
+            assert hold.first <= hold.snapshot <= hold.last
+            assert np.isfinite(gap[[hold.first, hold.last, hold.snapshot]]).all()
+            assert (hold.lift_onset is None) == (hold.snapshot_kind == "steadiest")
+            if hold.put_down is not None:
+                assert hold.lift_onset is not None
+                assert hold.lift_onset < hold.put_down
+    assert found > 20

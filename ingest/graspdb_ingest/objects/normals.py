@@ -33,7 +33,7 @@ def estimate_normals(points: Array) -> Array:
     nearest = np.asarray(cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))[1], dtype=np.int64)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][..., 0]
-    signs, parts = _carry_signs(normals, nearest)
+    signs, parts = _carry_signs(points, normals, nearest)
     normals = normals * signs[:, None]
     flow = np.bincount(parts, np.einsum("ni,ni->n", normals, points - points.mean(axis=0)))
     return np.asarray(normals * np.where(flow < 0, -1.0, 1.0)[parts][:, None])
@@ -57,14 +57,20 @@ def point_areas(points: Array) -> Array:
     return np.asarray(np.pi * reach**2 / (k + 0.5))  # the last one, on the rim, counts half
 
 
-def _carry_signs(normals: Array, nearest: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+def _carry_signs(
+    points: Array, normals: Array, nearest: NDArray[np.int64]
+) -> tuple[Array, NDArray[np.int64]]:
     """Return a sign for each normal so that neighbours agree, and the connected part of each point."""
     n = len(normals)
     rows = np.repeat(np.arange(n), nearest.shape[1] - 1)
     columns = nearest[:, 1:].ravel()
     agreement = np.einsum("ei,ei->e", normals[rows], normals[columns])
-    bending = 1.001 - np.abs(agreement)  # above zero, which a sparse graph would take for no edge
-    graph = csr_array(coo_array((bending, (rows, columns)), shape=(n, n)))
+    step = points[columns] - points[rows]
+    step /= np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
+    # A step along a normal leads through a thin wall to its other side, where normals agree but for sign.
+    through = np.maximum(*(np.abs(np.einsum("ei,ei->e", step, normals[end])) for end in (rows, columns)))
+    cost = 1.001 - np.abs(agreement) + through  # above zero, which a sparse graph takes for no edge
+    graph = csr_array(coo_array((cost, (rows, columns)), shape=(n, n)))
     tree = csr_array(minimum_spanning_tree(graph.maximum(graph.T)))
     parts = np.asarray(connected_components(tree, directed=False)[1], dtype=np.int64)
     signs = np.ones(n)

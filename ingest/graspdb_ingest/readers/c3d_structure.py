@@ -14,7 +14,7 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.readers.timing import check_frame_count
+from graspdb_ingest.readers.timing import check_frame_count, stated_rate
 from graspdb_schemas.errors import RecordingError
 
 BLOCK: Final = 512
@@ -79,7 +79,10 @@ def check_structure(path: Path) -> C3DStructure:
     processor = section[3]
     if processor not in _PROCESSORS:
         _damaged(path, f"its parameters are for an unknown processor ({processor})")
-    order, _ = _PROCESSORS[processor]
+    order, sign = _PROCESSORS[processor]
+    (rate,) = struct.unpack_from("<f", header, 20)
+    if sign == 3 and not math.isfinite(rate):
+        stated_rate(path, rate, "its header")
     frames = _frames_parameter(_walk(path, section, order), section, order)
     return _count_frames(path, header, processor, frames, data.size)
 
