@@ -5,6 +5,7 @@ tree stay, which is the same as moving the cloud by equation 1 and much cheaper.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, SITES
 
 NO_POINT = -1
+TIE: Final = 1e-12
+"""Distances nearer to each other than this share of them may be equal but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -83,16 +86,32 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     -------
     Gaps
         Distances and nearest points, in time n log m for n centres and m points. The distance is
-        computed anew from the nearest point, so that it is equation 2 to the last bit.
+        computed anew from the nearest point, so that it is equation 2 to the last bit; of equally
+        near points it is the first.
     """
     known = np.isfinite(centres).all(axis=-1)
     gap = np.full(known.shape, np.nan)
     nearest = np.full(known.shape, NO_POINT, dtype=np.int64)
     found = centres[known]
-    _, points = cloud.tree.query(found)
-    gap[known] = np.sqrt(np.sum((cloud.points[points] - found) ** 2, axis=-1))
+    points = _nearest_points(found, cloud)
+    gap[known] = _distances(found, cloud.points[points])
     nearest[known] = points
     return Gaps(gap=gap - radii, nearest=nearest)
+
+
+def _distances(centres: Floats, points: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.sum((points - centres) ** 2, axis=-1)))
+
+
+def _nearest_points(centres: Floats, cloud: ObjectCloud) -> NDArray[np.int64]:
+    """Return the first of the points nearest to each centre, whatever the order in the search tree."""
+    distances, points = cloud.tree.query(centres, k=2)
+    reach = distances[:, 0] * (1 + TIE)
+    nearest: NDArray[np.int64] = points[:, 0].astype(np.int64)
+    for i in np.flatnonzero(distances[:, 1] <= reach):
+        tied = np.sort(cloud.tree.query_ball_point(centres[i], reach[i]))
+        nearest[i] = tied[np.argmin(_distances(centres[i], cloud.points[tied]))]
+    return nearest
 
 
 def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
