@@ -105,9 +105,9 @@ def _distances(centres: Floats, points: Floats) -> Floats:
 
 def _nearest_points(centres: Floats, cloud: ObjectCloud) -> NDArray[np.int64]:
     """Return the first of the points nearest to each centre, whatever the order in the search tree."""
-    distances, points = cloud.tree.query(centres, k=2)
+    distances, points = (np.asarray(found) for found in cloud.tree.query(centres, k=2))
     reach = distances[:, 0] * (1 + TIE)
-    nearest: NDArray[np.int64] = points[:, 0].astype(np.int64)
+    nearest = points[:, 0].astype(np.int64)
     for i in np.flatnonzero(distances[:, 1] <= reach):
         tied = np.sort(cloud.tree.query_ball_point(centres[i], reach[i]))
         nearest[i] = tied[np.argmin(_distances(centres[i], cloud.points[tied]))]
