@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from graspdb.commands.options import Json
+
 
 class ExperimentName(StrEnum):
     """Which of the paper's experiments."""
@@ -33,7 +35,7 @@ def simulate(
         float, typer.Option(help="Mean number of swapped stretches of labels in a trial.")
     ] = 0.0,
     rate: Annotated[float, typer.Option(help="Frames per second [Hz].")] = 120.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+    as_json: Json = False,
 ) -> None:
     """Simulate a session of reaching, grasping and lifting, with the truth in DIR/truth."""
     from graspdb.simulate import NoiseParameters, simulate_session

@@ -1,6 +1,6 @@
 """Grasps: from a plan to a hand that has closed on the real surface, and that could get there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from graspdb.simulate.kinds import Plan
 from graspdb.simulate.objects import SimulatedObject
 from graspdb.simulate.opening import between, find_opening, is_free
 from graspdb.simulate.planning import FLESH_LIMIT, PlanningHand
-from graspdb.simulate.posing import Intent, solve
+from graspdb.simulate.posing import Intent, clipped, solve
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.errors import GraspDBError
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, JOINT_ANGLES, N_SITES, SITES, Side
@@ -101,8 +101,8 @@ def find_grasp(
     base = _intent(hand, body, plan, start)
     for number in range(TRIES):
         amount = 0.3 if near is None and number == 0 else 1.0 + number / 8
-        intent = _varied(base, rng, amount)
-        planned = solve(hand, body.surface, intent, start)
+        intent, moved = _varied(base, start, rng, amount)
+        planned = solve(hand, body.surface, intent, clipped(hand, moved))
         grasp = _closed(hand, body.surface, plan, planned)
         if grasp is not None:
             return grasp
@@ -147,20 +147,27 @@ def _intent(hand: PlanningHand, body: SimulatedObject, plan: Plan, start: Floats
     )
 
 
-def _varied(intent: Intent, rng: np.random.Generator, amount: float) -> Intent:
-    """Return what a person does the next time: a little elsewhere, a little turned, another posture."""
+def _varied(intent: Intent, start: Floats, rng: np.random.Generator, amount: float) -> tuple[Intent, Floats]:
+    """Return what a person does the next time, and where from: elsewhere, turned, another posture.
+
+    The start moves along with the intent. A start in touch with the surface would hold the hand there.
+    """
     turn = Rotation.from_rotvec(amount * np.deg2rad(4) * rng.standard_normal(3))
-    middle = intent.knuckles.mean(axis=0)
     shift = amount * 0.004 * rng.standard_normal(3)
-    return Intent(
-        contacts=intent.contacts,
-        posture=intent.posture + amount * 0.25 * intent.posture_sd * rng.standard_normal(23),
-        posture_sd=intent.posture_sd,
+    bend = amount * 0.25 * intent.posture_sd * rng.standard_normal(len(intent.posture))
+    middle = intent.knuckles.mean(axis=0)
+    moved = start.copy()
+    moved[:3] = middle + shift + turn.apply(start[:3] - middle)
+    moved[3:7] = (turn * Rotation.from_quat(start[3:7], scalar_first=True)).as_quat(scalar_first=True)
+    moved[7:] += bend
+    varied = replace(
+        intent,
+        posture=intent.posture + bend,
         knuckles=middle + shift + turn.apply(intent.knuckles - middle),
         elevation=intent.elevation + amount * np.deg2rad(4) * float(rng.standard_normal()),
         aims={site: aim + amount * 0.003 * rng.standard_normal(3) for site, aim in intent.aims.items()},
-        target=intent.target,
     )
+    return varied, moved
 
 
 def _closed(hand: PlanningHand, surface: Surface, plan: Plan, planned: Floats) -> Grasp | None:

@@ -33,6 +33,9 @@ THUMB_ASIDE: Final[dict[str, float]] = {
 }
 """The thumb out of the way of a bar that leaves the hooked fingers [degrees]."""
 
+SITE_LIMIT: Final = 0.0005
+"""How deep the object presses into a sphere at most [m]."""
+
 THUMB_OFF: Final = 0.03
 """How far the thumb's tip moves straight off the surface where that clears the way [m]."""
 
@@ -124,7 +127,7 @@ def _least_opening(
         path = points + (ways[:, None] * DISTANCES[:, None])[:, :, None]
         gap = surface.distance(path) - hand.radii[: hand.n_solid]
         above = path[..., 2] > hand.radii[: hand.n_solid]
-        clear = np.flatnonzero(((gap > -FLESH_LIMIT) & above).all(axis=(1, 2)))
+        clear = np.flatnonzero(((gap > -allowed_depth(hand)) & above).all(axis=(1, 2)))
         if len(clear):
             return Opening(q, ways[clear[0]])
     return None
@@ -175,12 +178,16 @@ def between(first: Floats, last: Floats, n: int = 6) -> Floats:
     return first + (last - first) * np.linspace(0, 1, n + 1)[1:, None]
 
 
+def allowed_depth(hand: PlanningHand) -> Floats:
+    """Return how deep the object may press into each of the solid spheres [m], shape (n_solid,)."""
+    return np.where(np.arange(hand.n_solid) < N_SITES, SITE_LIMIT, FLESH_LIMIT)
+
+
 def is_free(hand: PlanningHand, surface: Surface, path: Floats) -> bool:
     """Return whether no sphere is in the object in any of some configurations, shape (n, 30)."""
     points = hand.points_of(path)[:, : hand.n_solid]
     gap = surface.distance(points) - hand.radii[: hand.n_solid]
-    deepest = gap.min(axis=0)
-    return bool((deepest[:N_SITES] > -0.0005).all() and (deepest[N_SITES:] > -FLESH_LIMIT).all())
+    return bool((gap > -allowed_depth(hand)).all())
 
 
 def _turned(hand: PlanningHand, q: Floats, directions: tuple[tuple[float, float, float], ...]) -> Floats:

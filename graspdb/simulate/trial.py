@@ -60,8 +60,8 @@ def attempt(
         If none is found.
     """
     hand = subject.planning
-    for _ in range(TRIES):
-        grasp = find_grasp(hand, body, plan, rng, near)
+    for number in range(TRIES):
+        grasp = find_grasp(hand, body, plan, rng, near if number % 2 == 0 else None)
         if not plan.exact or {c.split("_")[0] for c in grasp.contacts} == {
             c.split("_")[0] for c in plan.contacts
         }:

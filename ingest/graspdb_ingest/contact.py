@@ -5,7 +5,6 @@ tree stay, which is the same as moving the cloud by equation 1 and much cheaper.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, SITES
 
 NO_POINT = -1
-TIE: Final = 1e-12
-"""Distances nearer to each other than this share of them may be equal but for rounding."""
+ROUNDING = 1e-9
+"""Share of a distance within which the tree may mistake which of two points is nearer."""
 
 
 @dataclass(frozen=True)
@@ -85,33 +84,14 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     Returns
     -------
     Gaps
-        Distances and nearest points, in time n log m for n centres and m points. The distance is
-        computed anew from the nearest point, so that it is equation 2 to the last bit; of equally
-        near points it is the first.
+        Distances and nearest points, in time n log m for n centres and m points. Both are those of
+        equation 2 over all points, to the last bit; of equally near points the first is taken.
     """
     known = np.isfinite(centres).all(axis=-1)
     gap = np.full(known.shape, np.nan)
     nearest = np.full(known.shape, NO_POINT, dtype=np.int64)
-    found = centres[known]
-    points = _nearest_points(found, cloud)
-    gap[known] = _distances(found, cloud.points[points])
-    nearest[known] = points
+    gap[known], nearest[known] = _nearest(centres[known], cloud)
     return Gaps(gap=gap - radii, nearest=nearest)
-
-
-def _distances(centres: Floats, points: Floats) -> Floats:
-    return np.asarray(np.sqrt(np.sum((points - centres) ** 2, axis=-1)))
-
-
-def _nearest_points(centres: Floats, cloud: ObjectCloud) -> NDArray[np.int64]:
-    """Return the first of the points nearest to each centre, whatever the order in the search tree."""
-    distances, points = (np.asarray(found) for found in cloud.tree.query(centres, k=2))
-    reach = distances[:, 0] * (1 + TIE)
-    nearest = points[:, 0].astype(np.int64)
-    for i in np.flatnonzero(distances[:, 1] <= reach):
-        tied = np.sort(cloud.tree.query_ball_point(centres[i], reach[i]))
-        nearest[i] = tied[np.argmin(_distances(centres[i], cloud.points[tied]))]
-    return nearest
 
 
 def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
@@ -138,3 +118,23 @@ def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, clo
         normals=cloud.normals[points],
         gap=gap[sites],
     )
+
+
+def _nearest(centres: Floats, cloud: ObjectCloud) -> tuple[Floats, NDArray[np.int64]]:
+    """Return distance and index of the nearest point of each centre, as a search over all points would."""
+    count = min(2, len(cloud.points))
+    proposed = np.asarray(cloud.tree.query(centres, k=range(1, count + 1))[1], dtype=np.int64)
+    distances = _distance(cloud.points[proposed], centres[:, None])
+    distance, index = distances[:, 0], proposed[:, 0]
+    # The tree's own rounding cannot order points that are equally near; those few are compared one by one.
+    for i in np.flatnonzero(distances[:, -1] <= distance * (1 + ROUNDING)):
+        reach = distances[i].max() * (1 + 2 * ROUNDING)
+        candidates = np.sort(cloud.tree.query_ball_point(centres[i], reach))
+        exact = _distance(cloud.points[candidates], centres[i])
+        index[i], distance[i] = candidates[exact.argmin()], exact.min()
+    return distance, index
+
+
+def _distance(points: Floats, centres: Floats) -> Floats:
+    """Return ``||P_i - J_k||``, equation 2."""
+    return np.asarray(np.sqrt(np.sum((points - centres) ** 2, axis=-1)))

@@ -276,6 +276,22 @@ def test_clouds_are_read_with_scale_and_normals(tmp_path: Path) -> None:
     assert surface.vertices == pytest.approx(0.05 * directions, abs=1e-6)
 
 
+def test_normals_of_a_cloud_that_point_inward_are_turned(tmp_path: Path) -> None:
+    directions = np.random.default_rng(1).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    (tmp_path / "cloud.ply").write_text(ply_cloud(0.05 * directions, -directions))
+    surface = load_surface(tmp_path / "cloud.ply")
+    assert surface.normals == pytest.approx(directions)
+    assert "all normals inside out: turned outward" in surface.warnings
+
+
+def test_normals_of_a_flat_scan_are_left_as_they_are(tmp_path: Path) -> None:
+    points = np.random.default_rng(1).uniform(0, 0.1, (200, 3)) * [1, 1, 0]
+    (tmp_path / "cloud.ply").write_text(ply_cloud(points, np.tile([0.0, 0, -1], (200, 1))))
+    surface = load_surface(tmp_path / "cloud.ply")
+    assert surface.normals == pytest.approx(np.tile([0.0, 0, -1], (200, 1)))
+
+
 def test_points_that_are_not_finite_are_left_out_of_a_cloud(tmp_path: Path) -> None:
     points = np.random.default_rng(2).uniform(0, 0.1, (50, 3))
     points[::10, 1] = np.nan

@@ -215,7 +215,7 @@ def test_the_centre_of_pressure_is_on_the_panel_under_the_tip(panels):
     )
     for entry in manifest.trials:
         trial = panels.truth.trials[entry.name]
-        rows = list(csv.DictReader(entry.reference_contacts.open()))
+        rows = list(csv.DictReader(entry.reference_contacts.read_text().splitlines()))
         assert {row["digit"] for row in rows} == set(trial.kind.split("_"))
         for row in rows:
             frame = round(float(row["time"]) * 60)

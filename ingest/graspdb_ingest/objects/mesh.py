@@ -130,6 +130,12 @@ def _cloud_surface(path: Path, geometry: Geometry, scale: float) -> Surface:
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
         if np.isfinite(normals).all() and (lengths > 0).all():
             normals = normals / lengths
+            arms = points - points.mean(axis=0)
+            flow = np.einsum("ni,ni->", normals, arms)
+            # As for an open mesh: only a clear majority says which side is out.
+            if flow < -0.1 * np.linalg.norm(arms, axis=1).sum():
+                normals = -normals
+                warnings.append("all normals inside out: turned outward")
         else:
             normals = None
             warnings.append("some normals of the file are no directions; all are estimated")
