@@ -4,6 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples on every run, and no limit of time, which a busy machine would break.
+settings.register_profile("graspdb", derandomize=True, deadline=None)
+settings.load_profile("graspdb")
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.columns import table
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
@@ -75,7 +76,11 @@ def process_trial(
         markers = select_markers(read_recording(trial.file, session.file_scale), session, trial)
         rows["markers"] = marker_rows(key, markers)
         if not reasons:
-            tracked = track_trial(markers, context.hands, context.object, np.array(session.up), parameters)
+            # matrices of 58 rows are too small to share out: more threads only wait for each other
+            with threadpool_limits(1):
+                tracked = track_trial(
+                    markers, context.hands, context.object, np.array(session.up), parameters
+                )
     except GraspDBError as error:
         reasons.append(str(error))
     if tracked is not None:

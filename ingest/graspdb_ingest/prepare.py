@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
 from graspdb_ingest.hand.model import Floats
@@ -117,7 +118,8 @@ def prepare_hand(
             f"no recording of subject {subject.name} shows the {side} hand",
             "Check the trials' files and marker_names in session.yaml.",
         )
-    calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
+    with threadpool_limits(1):
+        calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
