@@ -120,7 +120,7 @@ def make_mug(rng: np.random.Generator) -> SimulatedObject:
     handle = tube(_smooth(path), 0.0045, 0.0065)
     measures = {"radius": outer, "wall": wall, "height": height, "handle": reach, "handle_middle": middle}
     measures |= {"handle_depth": 0.0045, "handle_low": low, "handle_high": high}
-    markers = _ring(outer, 0.010, (45, 135, 225, 315))
+    markers = _ring(outer, 0.005, (40, 140, 220, 320))
     return SimulatedObject("mug", (revolve(profile), handle), rng.uniform(0.3, 0.4), markers, measures)
 
 
@@ -159,7 +159,7 @@ def make_jug(rng: np.random.Generator) -> SimulatedObject:
     corner = 2 ** (-1 / 4.5) * half
     around = np.array([[corner, corner], [-corner, corner], [-corner, -corner]])
     parts = (superellipse_loft(np.concatenate([body, cap_profile])), handle)
-    markers = np.array([*np.column_stack([around, np.full(3, 0.016)]), [0.0, 0.0, height]])
+    markers = np.array([*np.column_stack([around, np.full(3, 0.009)]), [0.0, 0.0, height]])
     markers = Surface(parts).nearest(markers).point
     return SimulatedObject("jug", parts, rng.uniform(0.7, 1.0), markers, measures)
 

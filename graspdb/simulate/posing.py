@@ -73,8 +73,10 @@ def solve(
     damping = 1e-2
     current: Linear | None = None
     for i in range(iterations):
-        touch_sd = max(TOUCH_SD, 0.004 * 0.75**i)
-        if current is None or touch_sd > TOUCH_SD:
+        tighter = 0.004 * 0.75**i
+        touch_sd = max(TOUCH_SD, tighter)
+        # The weights last change in the step in which the pull first reaches its end.
+        if current is None or tighter / 0.75 > TOUCH_SD:
             current = _linearise(hand, surface, intent, q, touch_sd)
         normal = current.jacobian.T @ current.jacobian
         gradient = current.jacobian.T @ current.residual

@@ -54,6 +54,13 @@ def test_thumb_and_another_digit_touch_and_no_sphere_is_inside(hand, grasps):
         assert len(digits) >= 2, (name, kind)
 
 
+def test_no_grasp_touches_a_marker(hand, grasps):
+    for (name, kind), grasp in grasps.items():
+        centres = hand.points_of(grasp.q[None])[0, :N_SITES]
+        away = np.linalg.norm(BODIES[name].markers[:, None] - centres, axis=2) - hand.radii[:N_SITES]
+        assert away.min() > 0.001, (name, kind)
+
+
 def test_most_of_what_was_to_touch_does(grasps):
     wanted = {(name, plan.kind): plan.contacts for name, plan in PLANNED}
     shares = [np.isin(wanted[key], grasp.contacts).mean() for key, grasp in grasps.items()]
