@@ -36,5 +36,5 @@ lock: ## write constraints.txt and constraints-lowest.txt anew
 	@tools/lock.sh
 
 clean: ## remove environments, caches and built files
-	rm -rf .venv .venv-lowest build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-lowest build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from graspdb.database import Database as Database
     from graspdb.database import Info as Info
     from graspdb.grasp import Grasp as Grasp
+    from graspdb.ingestion import IngestReport as IngestReport
+    from graspdb.ingestion import ingest as ingest
     from graspdb_queries.result import Result as Result
     from graspdb_schemas.errors import GraspDBError as GraspDBError
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "open": ("graspdb.database", "Database"),
     "Database": ("graspdb.database", "Database"),
+    "ingest": ("graspdb.ingestion", "ingest"),
+    "IngestReport": ("graspdb.ingestion", "IngestReport"),
     "Info": ("graspdb.database", "Info"),
     "Grasp": ("graspdb.grasp", "Grasp"),
     "Result": ("graspdb_queries.result", "Result"),

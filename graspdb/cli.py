@@ -7,9 +7,14 @@ from typing import Annotated, Final
 
 import typer
 
+from graspdb.commands.check import check
+from graspdb.commands.demo import demo
+from graspdb.commands.hand import hand
 from graspdb.commands.info import info
+from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
 from graspdb.commands.schema import schema
+from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb_schemas.errors import GraspDBError
 
@@ -23,10 +28,15 @@ app = typer.Typer(
     context_settings={"max_content_width": 100},
 )
 
+app.command()(demo)
+app.command()(simulate)
+app.command()(check)
+app.command()(ingest)
 app.command()(info)
 app.command()(schema)
 app.command()(sql)
 app.command()(query)
+app.command()(hand)
 
 _FAILURE: Final = 1
 _INTERRUPTED: Final = 128 + signal.SIGINT

@@ -24,11 +24,13 @@ def list_column(values: Numbers) -> pa.Array:
     The innermost list, a vector or a position, is null where any of its numbers is NaN; a matrix
     all of whose rows are missing is null as a whole.
     """
-    missing = np.isnan(values).any(axis=-1) if values.dtype.kind == "f" else np.zeros(values.shape[:-1], bool)
+    missing: NDArray[np.bool_] = np.zeros(values.shape[:-1], dtype=bool)
+    if values.dtype.kind == "f":
+        missing = np.asarray(np.isnan(values).any(axis=-1))
     inner = _lists(pa.array(np.ascontiguousarray(values).ravel()), values.shape[-1], missing.ravel())
     if values.ndim == 2:
         return inner
-    return _lists(inner, values.shape[1], missing.all(axis=1))
+    return _lists(inner, values.shape[1], np.asarray(missing.all(axis=1)))
 
 
 def _lists(items: pa.Array, length: int, missing: NDArray[np.bool_]) -> pa.Array:
@@ -42,7 +44,7 @@ def table(schema: pa.Schema, columns: dict[str, Any]) -> pa.Table:
     Raises
     ------
     KeyError
-        If a column is not declared, or a declared one is not given; the store adds its own.
+        If a column is not declared, or one that is declared and not the store's own is not given.
     """
     names = [name for name in schema.names if name not in STORE_COLUMNS]
     if set(columns) != set(names):

@@ -14,6 +14,8 @@ from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, SITES
 
 NO_POINT = -1
+ROUNDING = 1e-9
+"""Share of a distance within which the tree may mistake which of two points is nearer."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +84,13 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     Returns
     -------
     Gaps
-        Distances and nearest points, in time n log m for n centres and m points. The distance is
-        computed anew from the nearest point, so that it is equation 2 to the last bit.
+        Distances and nearest points, in time n log m for n centres and m points. Both are those of
+        equation 2 over all points, to the last bit; of equally near points the first is taken.
     """
     known = np.isfinite(centres).all(axis=-1)
     gap = np.full(known.shape, np.nan)
     nearest = np.full(known.shape, NO_POINT, dtype=np.int64)
-    found = centres[known]
-    _, points = cloud.tree.query(found)
-    gap[known] = np.sqrt(np.sum((cloud.points[points] - found) ** 2, axis=-1))
-    nearest[known] = points
+    gap[known], nearest[known] = _nearest(centres[known], cloud)
     return Gaps(gap=gap - radii, nearest=nearest)
 
 
@@ -119,3 +118,23 @@ def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, clo
         normals=cloud.normals[points],
         gap=gap[sites],
     )
+
+
+def _nearest(centres: Floats, cloud: ObjectCloud) -> tuple[Floats, NDArray[np.int64]]:
+    """Return distance and index of the nearest point of each centre, as a search over all points would."""
+    count = min(2, len(cloud.points))
+    proposed = np.asarray(cloud.tree.query(centres, k=range(1, count + 1))[1], dtype=np.int64)
+    distances = _distance(cloud.points[proposed], centres[:, None])
+    distance, index = distances[:, 0], proposed[:, 0]
+    # The tree's own rounding cannot order points that are equally near; those few are compared one by one.
+    for i in np.flatnonzero(distances[:, -1] <= distance * (1 + ROUNDING)):
+        reach = distances[i].max() * (1 + 2 * ROUNDING)
+        candidates = np.sort(cloud.tree.query_ball_point(centres[i], reach))
+        exact = _distance(cloud.points[candidates], centres[i])
+        index[i], distance[i] = candidates[exact.argmin()], exact.min()
+    return distance, index
+
+
+def _distance(points: Floats, centres: Floats) -> Floats:
+    """Return ``||P_i - J_k||``, equation 2."""
+    return np.asarray(np.sqrt(np.sum((points - centres) ** 2, axis=-1)))

@@ -24,6 +24,28 @@ class CloudParameters:
 
 
 @dataclass(frozen=True)
+class PoseParameters:
+    """What an object's markers must be like to fix its pose.
+
+    Attributes
+    ----------
+    minimum_spread : float
+        Seen markers nearer than this to one line (root mean square) fix no rotation about it [m].
+    outlier_distance : float
+        A frame with a marker further than this from its fitted place is tried without each marker [m].
+    outlier_ratio : float
+        A marker is left out if the others then fit this many times better.
+    maximum_residual : float
+        Root mean square distance of the markers to their fitted places above which there is no pose [m].
+    """
+
+    minimum_spread: float = 0.002
+    outlier_distance: float = 0.006
+    outlier_ratio: float = 3.0
+    maximum_residual: float = 0.02
+
+
+@dataclass(frozen=True)
 class TrackingParameters:
     """The hand tracker's model of markers and movement.
 
@@ -64,25 +86,36 @@ class EventParameters:
     Attributes
     ----------
     rest_speed : float
-        An object slower than this is at rest [m/s].
+        An object whose height changes slower than this is at rest [m/s].
+    minimum_rest : float
+        Shortest rest that a lift can start from, and shortest time that a lifted object stays
+        raised [s]; a turning point of a path and a spike of noise are shorter.
     lift_height : float
         An object raised by more than this has been lifted [m].
     minimum_hold : float
-        Shortest hold [s].
+        Shortest time with `minimum_sites` in contact that is a hold [s].
     minimum_gap : float
-        Holds nearer to each other than this are one [s].
+        Holds nearer to each other than this are one, and a hold outlasts data missing for no
+        longer than this [s].
     minimum_sites : int
         Sites in contact that make a hold.
+    release_margin : float
+        A touching sphere is released when its gap exceeds h by more than this [m].
+    steady_contacts : float
+        Share of a hold's largest number of touching sites that its steadiest frame must have.
     smoothing : float
-        Cut-off of the low-pass filter on the object's path [Hz].
+        Cut-off of the low-pass filter on the paths of object and hand [Hz].
     """
 
-    rest_speed: float = 0.02
+    rest_speed: float = 0.015
+    minimum_rest: float = 0.1
     lift_height: float = 0.005
     minimum_hold: float = 0.15
     minimum_gap: float = 0.15
     minimum_sites: int = 2
-    smoothing: float = 8.0
+    release_margin: float = 0.004
+    steady_contacts: float = 0.8
+    smoothing: float = 6.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +139,7 @@ class IngestParameters:
     """All parameters of an ingest."""
 
     cloud: CloudParameters = field(default_factory=CloudParameters)
+    pose: PoseParameters = field(default_factory=PoseParameters)
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     events: EventParameters = field(default_factory=EventParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
 from graspdb_ingest.hand.model import Floats
@@ -117,7 +118,8 @@ def prepare_hand(
             f"no recording of subject {subject.name} shows the {side} hand",
             "Check the trials' files and marker_names in session.yaml.",
         )
-    calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
+    with threadpool_limits(1):
+        calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
@@ -135,9 +137,9 @@ def _hand_recordings(session: Session, subject: Subject, side: Side) -> Sequence
         own = next((t for t in session.trials if t.file == file), trial)
         try:
             recording = read_recording(file, session.file_scale)
-            markers = select_markers(recording, session, own).hands[side]
+            markers = select_markers(recording, session, own).hands.get(side)
         except GraspDBError:
             continue
-        if np.isfinite(markers).any():
+        if markers is not None and np.isfinite(markers).any():
             found.append(markers)
     return found

@@ -1,33 +1,31 @@
 """Rows that describe a session: itself, its subjects, objects, calibrated hands and clouds."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import pyarrow as pa
 
 from graspdb_ingest.columns import list_column, table
+from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
-from graspdb_ingest.trial_tables import TrialTables
-from graspdb_schemas.manifest import Session
+from graspdb_schemas.manifest import Session, Subject
 from graspdb_schemas.tables import HANDS, OBJECT_POINTS, OBJECTS, SESSIONS, SUBJECTS
 
 
 def session_rows(
-    session: Session, objects: Iterable[PreparedObject], hands: Iterable[PreparedHand]
-) -> TrialTables:
-    """Return the rows of a session that its trials refer to."""
-    objects, hands = list(objects), list(hands)
-    clouds = [_object_points(session.id, prepared) for prepared in objects]
-    return TrialTables(
-        {
-            "sessions": _session(session),
-            "subjects": _subjects(session),
-            "objects": _objects(session, objects),
-            "hands": _hands(session.id, hands),
-            **({"object_points": pa.concat_tables(clouds)} if clouds else {}),
-        }
-    )
+    session: Session, subject: Subject, hands: Sequence[PreparedHand], prepared: PreparedObject | None
+) -> dict[str, pa.Table]:
+    """Return the rows that a trial stands on: its session, subject, calibrated hands and object."""
+    rows = {
+        "sessions": _session(session),
+        "subjects": _subject(session.id, subject),
+        "hands": _hands(session.id, hands),
+    }
+    if prepared is not None:
+        rows["objects"] = _object(session, prepared)
+        rows["object_points"] = _object_points(session.id, prepared)
+    return rows
 
 
 def _session(session: Session) -> pa.Table:
@@ -43,44 +41,42 @@ def _session(session: Session) -> pa.Table:
     )
 
 
-def _subjects(session: Session) -> pa.Table:
-    subjects = list(session.subjects.values())
+def _subject(session: str, subject: Subject) -> pa.Table:
     return table(
         SUBJECTS,
         {
-            "session": [session.id] * len(subjects),
-            "subject": [s.name for s in subjects],
-            "hand": ["both" if len(s.sides) == 2 else str(s.sides[0]) for s in subjects],
-            "hand_length": [s.hand_length for s in subjects],
-            "hand_breadth": [s.hand_breadth for s in subjects],
-            "joint_thickness": [list(s.joint_thickness.items()) for s in subjects],
+            "session": [session],
+            "subject": [subject.name],
+            "hand": ["both" if len(subject.sides) == 2 else str(subject.sides[0])],
+            "hand_length": [subject.hand_length],
+            "hand_breadth": [subject.hand_breadth],
+            "joint_thickness": [list(subject.joint_thickness.items())],
         },
     )
 
 
-def _objects(session: Session, objects: list[PreparedObject]) -> pa.Table:
-    described = [session.objects[prepared.name] for prepared in objects]
-    surfaces = [prepared.surface for prepared in objects]
+def _object(session: Session, prepared: PreparedObject) -> pa.Table:
+    described, surface = session.objects[prepared.name], prepared.surface
     return table(
         OBJECTS,
         {
-            "session": [session.id] * len(objects),
-            "object": [prepared.name for prepared in objects],
-            "category": [d.category for d in described],
-            "mass": [d.mass for d in described],
-            "mesh_sha256": [s.sha256 for s in surfaces],
-            "area": [float(prepared.cloud.areas.sum()) for prepared in objects],
-            "volume": [s.volume for s in surfaces],
-            "extents": [s.extents.tolist() for s in surfaces],
-            "watertight": [s.watertight for s in surfaces],
-            "cloud_spacing": [prepared.cloud.spacing for prepared in objects],
-            "n_points": [len(prepared.cloud.points) for prepared in objects],
-            "warnings": [list(s.warnings) for s in surfaces],
+            "session": [session.id],
+            "object": [prepared.name],
+            "category": [described.category],
+            "mass": [described.mass],
+            "mesh_sha256": [surface.sha256],
+            "area": [float(prepared.cloud.areas.sum())],
+            "volume": [surface.volume],
+            "extents": [surface.extents.tolist()],
+            "watertight": [surface.watertight],
+            "cloud_spacing": [prepared.cloud.spacing],
+            "n_points": [len(prepared.cloud.points)],
+            "warnings": [list(surface.warnings)],
         },
     )
 
 
-def _hands(session: str, hands: list[PreparedHand]) -> pa.Table:
+def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
     return table(
         HANDS,
         {
@@ -113,5 +109,5 @@ def _object_points(session: str, prepared: PreparedObject) -> pa.Table:
     )
 
 
-def _rms(by_marker: np.ndarray) -> float | None:
+def _rms(by_marker: Floats) -> float | None:
     return float(np.sqrt(np.nanmean(by_marker**2))) if np.isfinite(by_marker).any() else None

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from harness import as_table, discover, write_json
+from harness import Result, as_table, discover, write_json
 from rich.console import Console
 
 
@@ -17,7 +17,7 @@ def main() -> int:
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; there are: {', '.join(found) or 'none'}")
     console = Console(stderr=True)
-    results = []
+    results: list[Result] = []
     for name in names or found:
         console.print(f"measuring {name} ...")
         results.extend(found[name].run())

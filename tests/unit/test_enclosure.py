@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -62,6 +62,7 @@ def test_faces_look_outwards_and_give_the_volume():
     assert np.sum(np.cross(a, b) * c) / 6 == pytest.approx(space.volume)
 
 
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_volumes_and_membership_are_unchanged_by_rigid_motion(seed):
     rng = np.random.default_rng(seed)
@@ -104,6 +105,7 @@ def test_bounding_bodies_of_a_box_have_their_closed_forms():
     assert ellipsoid_volume(space) == pytest.approx(BALL * np.prod(np.sqrt(3) * sides / 2), rel=1e-3)
 
 
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_hull_is_the_least_of_the_bodies(seed):
     rng = np.random.default_rng(seed)

@@ -22,6 +22,8 @@ class Kinematics:
     def __init__(self, hand: HandModel) -> None:
         self.hand = hand
         self.model: mujoco.MjModel = mujoco.MjModel.from_xml_string(hand.mjcf)
+        # MuJoCo never reads the place of a site that its compiler found exactly in its segment's frame.
+        self.model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._data = mujoco.MjData(self.model)
         self._marker_ids = hand.marker_ids
         self._site_ids = hand.site_ids

@@ -87,7 +87,10 @@ def calibrate_hand(
     fits = [fit_frame(kinematics, frame, prior, rough_sd) for frame in frames]
     before = _rms_by_marker(np.array([fit.residuals for fit in fits]))
     parameters = _first_offsets(geometry, kinematics, frames, [fit.q for fit in fits])
-    bundle = _Bundle(geometry, kinematics, frames, visible(frames), prior, marker_sd)
+    # Chosen frames differ as much as they can, so they are no independent draws from the prior: it
+    # counts once for all of them. Once for each, it would bend the shape to make postures usual.
+    once = PosturePrior(prior.mean, len(frames) * prior.covariance)
+    bundle = _Bundle(geometry, kinematics, frames, visible(frames), once, marker_sd)
     parameters, postures = bundle.solve(parameters, [fit.q for fit in fits])
     residuals = bundle.residuals(parameters, postures)
     return Calibration(

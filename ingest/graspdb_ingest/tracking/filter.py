@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
-from graspdb_ingest.tracking.fit import FREE, SEVEN
+from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
 from graspdb_ingest.tracking.motion import MotionModel
 
 LIMIT_SD: Final = np.deg2rad(0.5)
@@ -127,7 +127,7 @@ class HandFilter:
         Update
             The corrected state, and which markers it used.
         """
-        seen = np.isfinite(observed[:, 0])
+        seen = visible(observed)
         kinematics, n = self._kinematics, self._hand.n_dof
         kinematics.move(state.q)
         jacobian = kinematics.marker_jacobian()

@@ -1,0 +1,76 @@
+"""``graspdb ingest``: sessions into a database."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from graspdb.commands.options import DEFAULT_DB, Db, Json
+
+if TYPE_CHECKING:
+    from graspdb.ingestion import IngestReport
+
+
+def ingest(
+    sessions: Annotated[
+        list[Path], typer.Argument(metavar="SESSION...", help="Folders of sessions, or their manifests.")
+    ],
+    db: Db = DEFAULT_DB,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that follow trials side by side.")] = 1,
+    data_root: Annotated[
+        Path | None, typer.Option(help="Folder of the manifest's files, if not the session's own.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Ingest unchanged trials too.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Turn sessions into rows: track, find contacts and features, commit trial by trial.
+
+    Unchanged trials are skipped. A trial that cannot be used is stored as rejected, with its
+    reasons, and the exit status is 1.
+    """
+    reports = [
+        run_with_progress(session, db, workers=workers, data_root=data_root, force=force)
+        for session in sessions
+    ]
+    if as_json:
+        typer.echo(json.dumps([_plain(report) for report in reports], indent=2))
+    else:
+        for report in reports:
+            typer.echo(summary(report))
+    if any(report.rejected for report in reports):
+        raise typer.Exit(1)
+
+
+def run_with_progress(
+    session: Path, db: Path, *, workers: int, data_root: Path | None = None, force: bool = False
+) -> "IngestReport":
+    """Ingest a session with a progress bar on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from graspdb.ingestion import TrialReport, ingest
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(f"{session}: preparing", total=None)
+
+        def advance(report: TrialReport, total: int) -> None:
+            bars.update(bar, total=total, advance=1, description=report.trial)
+
+        return ingest(session, db, workers=workers, data_root=data_root, force=force, progress=advance)
+
+
+def summary(report: "IngestReport") -> str:
+    """Return what became of a session, one line for it and one for each rejected trial."""
+    outcomes = [str(trial.outcome) for trial in report.trials]
+    counts = ", ".join(f"{outcomes.count(o)} {o}" for o in dict.fromkeys(outcomes))
+    grasps = sum(trial.n_grasps or 0 for trial in report.trials)
+    lines = [f"{report.session}: {len(report.trials)} trials ({counts or 'none'}), {grasps} new grasps"]
+    lines.extend(f"  rejected {trial.trial}: {'; '.join(trial.reasons)}" for trial in report.rejected)
+    return "\n".join(lines)
+
+
+def _plain(report: "IngestReport") -> dict[str, object]:
+    return {**asdict(report), "db": str(report.db)}

@@ -1,0 +1,230 @@
+"""From a session's folder to committed rows: what is new is prepared, followed and committed."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from joblib import Parallel, delayed
+
+from graspdb.store import Outcome, Store
+from graspdb_ingest.input_key import input_key
+from graspdb_ingest.parameters import IngestParameters
+from graspdb_ingest.pipeline import Context, process_trial
+from graspdb_ingest.prepare import PreparedHand, PreparedObject, prepare_hand, prepare_object
+from graspdb_ingest.trial_tables import TrialTables
+from graspdb_schemas.errors import GraspDBError, ParameterError
+from graspdb_schemas.manifest import Session, SessionTrial
+from graspdb_schemas.manifest_reader import parse_manifest
+from graspdb_schemas.vocabulary import Side
+
+MANIFEST = "session.yaml"
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class TrialReport:
+    """What became of one trial.
+
+    Attributes
+    ----------
+    trial : str
+        Its key.
+    outcome : Outcome
+        Added, replaced or left unchanged.
+    status : str or None
+        ok or rejected; None for an unchanged trial.
+    reasons : tuple of str
+        Why it was rejected, or what to know of it.
+    n_grasps : int or None
+        Number of grasps found; None for an unchanged trial.
+    """
+
+    trial: str
+    outcome: Outcome
+    status: str | None
+    reasons: tuple[str, ...]
+    n_grasps: int | None
+
+
+@dataclass(frozen=True)
+class IngestReport:
+    """What became of a session.
+
+    Attributes
+    ----------
+    session : str
+        Its identifier.
+    db : Path
+        The database.
+    trials : tuple of TrialReport
+        Every trial of the manifest, in the order of their commit, unchanged ones first.
+    """
+
+    session: str
+    db: Path
+    trials: tuple[TrialReport, ...]
+
+    @property
+    def rejected(self) -> tuple[TrialReport, ...]:
+        """The trials that were rejected."""
+        return tuple(trial for trial in self.trials if trial.status == "rejected")
+
+
+Progress = Callable[[TrialReport, int], None]
+"""Called after each committed trial with its report and the number of trials to do in all."""
+
+
+def ingest(
+    session: str | os.PathLike[str],
+    db: str | os.PathLike[str] = "grasps",
+    *,
+    workers: int = 1,
+    data_root: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    parameters: IngestParameters | None = None,
+    progress: Progress | None = None,
+) -> IngestReport:
+    """Ingest a session into a database; trials that are in it unchanged are skipped.
+
+    Parameters
+    ----------
+    session : path
+        The session's folder, or its manifest.
+    db : path
+        The database's folder; made where there is none.
+    workers : int
+        Processes that follow trials side by side. The rows do not depend on it.
+    data_root : path, optional
+        Folder that the manifest's files are in; the session's own folder unless given.
+    force : bool
+        Whether to ingest unchanged trials too, and replace their rows.
+    parameters : IngestParameters, optional
+        Thresholds and models; the defaults unless given.
+    progress : callable, optional
+        Told of every trial.
+
+    Returns
+    -------
+    IngestReport
+        What became of each trial.
+
+    Raises
+    ------
+    ManifestError
+        If the manifest does not describe a session.
+    DatabaseError
+        If the folder is no database, or cannot be written.
+    ParameterError
+        If `workers` is less than one.
+    """
+    if workers < 1:
+        raise ParameterError("workers", workers, "1 or more")
+    parameters = parameters or IngestParameters()
+    described = read_session(session, data_root)
+    store = Store.create_or_open(db)
+    todo, reports = _to_do(described, store, parameters, force)
+    contexts = _contexts(described, todo, parameters, workers)
+    for rows in _processed(described, todo, contexts, parameters, workers):
+        committed = store.commit_trial(rows, force=force)
+        report = _report(rows, committed.outcome)
+        reports.append(report)
+        if progress is not None:
+            progress(report, len(todo))
+    return IngestReport(described.id, Path(db), tuple(reports))
+
+
+def read_session(session: str | os.PathLike[str], data_root: str | os.PathLike[str] | None = None) -> Session:
+    """Read the manifest of a session given by its folder or by the manifest itself."""
+    path = Path(session)
+    manifest = path / MANIFEST if path.is_dir() else path
+    return parse_manifest(manifest, None if data_root is None else Path(data_root))
+
+
+def _to_do(
+    session: Session, store: Store, parameters: IngestParameters, force: bool
+) -> tuple[list[SessionTrial], list[TrialReport]]:
+    known = store.committed_input_keys()
+    todo, unchanged = [], []
+    for trial in session.trials:
+        key = f"{session.id}/{trial.name}"
+        if not force and known.get(key) == input_key(session, trial, parameters):
+            unchanged.append(TrialReport(key, Outcome.UNCHANGED, None, (), None))
+        else:
+            todo.append(trial)
+    return todo, unchanged
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Why something that trials stand on cannot be had."""
+
+    text: str
+
+
+def _contexts(
+    session: Session, todo: Sequence[SessionTrial], parameters: IngestParameters, workers: int
+) -> Mapping[str, Context]:
+    """Prepare each hand and object that the trials need, once; a failure rejects just those trials."""
+    hands = _unique((t.subject, side) for t in todo for side in session.sides_of(t))
+    objects = [name for name in _unique(t.object for t in todo) if name is not None]
+    with Parallel(n_jobs=min(workers, max(1, len(hands) + len(objects)))) as parallel:
+        prepared_hands = parallel(delayed(_hand)(session, n, s, parameters) for n, s in hands)
+        prepared_objects = parallel(delayed(_object)(session, n, parameters) for n in objects)
+    by_hand = dict(zip(hands, prepared_hands, strict=True))
+    by_object = dict(zip(objects, prepared_objects, strict=True))
+    return {trial.name: _context(session, trial, by_hand, by_object) for trial in todo}
+
+
+def _context(
+    session: Session,
+    trial: SessionTrial,
+    hands: Mapping[tuple[str, Side], PreparedHand | _Problem],
+    objects: Mapping[str, PreparedObject | _Problem],
+) -> Context:
+    found = {side: hands[trial.subject, side] for side in session.sides_of(trial)}
+    thing = objects[trial.object] if trial.object is not None else None
+    needed = [*found.values(), thing]
+    return Context(
+        hands={side: hand for side, hand in found.items() if isinstance(hand, PreparedHand)},
+        object=thing if isinstance(thing, PreparedObject) else None,
+        problems=tuple(part.text for part in needed if isinstance(part, _Problem)),
+    )
+
+
+def _hand(
+    session: Session, subject: str, side: Side, parameters: IngestParameters
+) -> PreparedHand | _Problem:
+    try:
+        return prepare_hand(session, session.subjects[subject], side, parameters.tracking)
+    except GraspDBError as error:
+        return _Problem(f"subject {subject}, {side} hand: {error}")
+
+
+def _object(session: Session, name: str, parameters: IngestParameters) -> PreparedObject | _Problem:
+    try:
+        return prepare_object(session.objects[name], parameters.cloud)
+    except GraspDBError as error:
+        return _Problem(f"object {name}: {error}")
+
+
+def _processed(
+    session: Session,
+    todo: Sequence[SessionTrial],
+    contexts: Mapping[str, Context],
+    parameters: IngestParameters,
+    workers: int,
+) -> Iterator[TrialTables]:
+    """Yield the rows of each trial as it is done, in the order of the manifest."""
+    tasks = (delayed(process_trial)(session, t, contexts[t.name], parameters) for t in todo)
+    yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch=workers)(tasks)
+
+
+def _report(rows: TrialTables, outcome: Outcome) -> TrialReport:
+    row = rows.tables["trials"].to_pylist()[0]
+    return TrialReport(row["trial"], outcome, row["status"], tuple(row["reasons"]), row["n_grasps"])
+
+
+def _unique(values: Iterable[T]) -> list[T]:
+    return list(dict.fromkeys(values))

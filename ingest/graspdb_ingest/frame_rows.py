@@ -1,0 +1,77 @@
+"""Rows of the tables that have one row a frame: markers and frames."""
+
+import numpy as np
+import pyarrow as pa
+
+from graspdb_ingest.columns import list_column, number_column, table
+from graspdb_ingest.trial import TrackedHand, TrackedTrial
+from graspdb_ingest.trial_markers import TrialMarkers
+from graspdb_schemas.tables import FRAMES, MARKERS
+from graspdb_schemas.vocabulary import N_SITES
+
+
+def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
+    """Return the positions of every marker of the recording, under its own labels, nothing filled in."""
+    recording = markers.recording
+    n = recording.n_frames
+    labels = pa.array([list(recording.labels)] * n, type=MARKERS.field("labels").type)
+    return table(
+        MARKERS,
+        {
+            "trial": pa.repeat(trial, n),
+            "frame": np.arange(n),
+            "time": markers.times,
+            "labels": labels,
+            "positions": list_column(recording.positions),
+        },
+    )
+
+
+def frame_rows(trial: str, tracked: TrackedTrial) -> pa.Table:
+    """Return every frame of every hand."""
+    parts = [_frames(trial, tracked, str(side), hand) for side, hand in tracked.hands.items()]
+    return pa.concat_tables(parts)
+
+
+def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> pa.Table:
+    n, track = len(tracked.markers.times), hand.track
+    positions, quaternions = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
+    residuals, gap = np.full(n, np.nan), np.full((n, N_SITES), np.nan)
+    if tracked.object is not None and hand.gaps is not None:
+        pose = tracked.object.track
+        positions, quaternions, residuals = pose.positions, pose.quaternions, pose.residuals
+        gap = hand.gaps.gap
+    return table(
+        FRAMES,
+        {
+            "trial": pa.repeat(trial, n),
+            "side": pa.repeat(side, n),
+            "frame": np.arange(n),
+            "time": tracked.markers.times,
+            "q": list_column(track.q),
+            "q_sd": list_column(track.q_sd),
+            "sites": list_column(track.sites),
+            "object_position": list_column(positions),
+            "object_quaternion": list_column(quaternions),
+            "object_residual": number_column(residuals),
+            "gap": list_column(gap),
+            "residual": number_column(track.residual_rms),
+            "n_markers": track.used.sum(axis=1),
+            "flags": _flags(hand),
+        },
+    )
+
+
+def _flags(hand: TrackedHand) -> list[list[str]]:
+    track, labels = hand.track, hand.prepared.hand.markers
+    seen = np.isfinite(track.residuals[..., 0])
+    flags: list[list[str]] = [[] for _ in track.q]
+    for frame in np.flatnonzero(~track.tracked):
+        flags[frame].append("not_tracked")
+    for frame in np.flatnonzero(track.tracked & ~track.used.any(axis=1)):
+        flags[frame].append("no_markers")
+    for frame in np.flatnonzero(track.at_limit):
+        flags[frame].append("at_limit")
+    for frame, marker in np.argwhere(seen & ~track.used):
+        flags[frame].append(f"rejected:{labels[marker]}")
+    return flags

@@ -1,0 +1,167 @@
+"""A trial of a session, from the files it names to the rows it brings."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from graspdb_ingest.columns import table
+from graspdb_ingest.frame_rows import frame_rows, marker_rows
+from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
+from graspdb_ingest.input_key import file_sha256, input_key, software_version
+from graspdb_ingest.parameters import IngestParameters
+from graspdb_ingest.prepare import PreparedHand, PreparedObject
+from graspdb_ingest.readers import read_recording
+from graspdb_ingest.session_rows import session_rows
+from graspdb_ingest.trial import TrackedTrial, track_trial
+from graspdb_ingest.trial_markers import TrialMarkers, select_markers
+from graspdb_ingest.trial_tables import TrialTables
+from graspdb_schemas.errors import GraspDBError
+from graspdb_schemas.manifest import Session, SessionTrial
+from graspdb_schemas.tables import TRIALS
+from graspdb_schemas.vocabulary import DIGITS, SEGMENTS_OF_DIGIT, Side
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a trial stands on, or why it cannot be had.
+
+    Attributes
+    ----------
+    hands : mapping of Side to PreparedHand
+        The subject's calibrated hands.
+    object : PreparedObject or None
+        The object, where the trial has one.
+    problems : tuple of str
+        Why a hand or the object could not be prepared; such a trial is rejected.
+    """
+
+    hands: Mapping[Side, PreparedHand]
+    object: PreparedObject | None
+    problems: tuple[str, ...] = ()
+
+
+def process_trial(
+    session: Session, trial: SessionTrial, context: Context, parameters: IngestParameters
+) -> TrialTables:
+    """Turn one trial into rows; whatever a user can cause rejects the trial, with its reasons.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    trial : SessionTrial
+        Which trial of it.
+    context : Context
+        Its hands and object.
+    parameters : IngestParameters
+        All thresholds.
+
+    Returns
+    -------
+    TrialTables
+        The trial's rows, and those of the session that it stands on. A rejected trial brings its
+        row in `trials`, and its markers where they could be read.
+    """
+    subject = session.subjects[trial.subject]
+    key = f"{session.id}/{trial.name}"
+    rows = session_rows(session, subject, list(context.hands.values()), context.object)
+    markers: TrialMarkers | None = None
+    tracked: TrackedTrial | None = None
+    reasons = list(context.problems)
+    n_grasps = 0
+    try:
+        markers = select_markers(read_recording(trial.file, session.file_scale), session, trial)
+        rows["markers"] = marker_rows(key, markers)
+        if not reasons:
+            # matrices of 58 rows are too small to share out: more threads only wait for each other
+            with threadpool_limits(1):
+                tracked = track_trial(
+                    markers, context.hands, context.object, np.array(session.up), parameters
+                )
+    except GraspDBError as error:
+        reasons.append(str(error))
+    if tracked is not None:
+        grasps = find_grasps(key, tracked, parameters.contact)
+        n_grasps = len(grasps)
+        rows["frames"] = frame_rows(key, tracked)
+        rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
+    described = _trial_row(session, trial, parameters, markers, tracked, reasons)
+    rows["trials"] = table(
+        TRIALS, {name: [value] for name, value in (described | {"n_grasps": n_grasps}).items()}
+    )
+    return TrialTables(rows)
+
+
+def _trial_row(
+    session: Session,
+    trial: SessionTrial,
+    parameters: IngestParameters,
+    markers: TrialMarkers | None,
+    tracked: TrackedTrial | None,
+    reasons: Sequence[str],
+) -> dict[str, object]:
+    times = None if markers is None else markers.times
+    groups = {} if tracked is None else _residuals_by_group(session, tracked)
+    notes = [] if markers is None else _notes(markers)
+    return {
+        "session": session.id,
+        "trial": f"{session.id}/{trial.name}",
+        "subject": trial.subject,
+        "object": trial.object,
+        "task": trial.task,
+        "repetition": trial.repetition,
+        "attributes": json.dumps(trial.attributes or {}, sort_keys=True, default=str),
+        "rate": None if markers is None else markers.recording.rate,
+        "n_frames": None if times is None else len(times),
+        "duration": None if times is None or not len(times) else float(times[-1] - times[0]),
+        "source_file": trial.source_file,
+        "source_sha256": file_sha256(trial.file),
+        "input_key": input_key(session, trial, parameters),
+        "parameters": parameters.to_json(),
+        "software_version": software_version(),
+        "status": "rejected" if reasons else "ok",
+        "reasons": [*reasons, *notes],
+        "missing_fraction": None if markers is None else _missing(markers),
+        "residual_rms": None if tracked is None else _overall(tracked),
+        "residual_rms_by_group": list(groups.items()),
+    }
+
+
+def _notes(markers: TrialMarkers) -> list[str]:
+    """Return what is worth knowing of a trial that is none the worse for it."""
+    return [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+
+
+def _missing(markers: TrialMarkers) -> float | None:
+    unseen = [np.isnan(positions[..., 0]).ravel() for positions in markers.hands.values()]
+    return float(np.concatenate(unseen).mean()) if unseen else None
+
+
+def _overall(tracked: TrackedTrial) -> float | None:
+    squared = [np.sum(h.track.residuals**2, axis=2)[h.track.used] for h in tracked.hands.values()]
+    together = np.concatenate(squared)
+    return float(np.sqrt(together.mean())) if len(together) else None
+
+
+def _residuals_by_group(session: Session, tracked: TrackedTrial) -> dict[str, float]:
+    """Return the rms residual of the used markers of each digit, the hand, the forearm and the object."""
+    squared: dict[str, list[float]] = {}
+    for hand in tracked.hands.values():
+        distances = np.sum(hand.track.residuals**2, axis=2)
+        for i, label in enumerate(hand.prepared.hand.markers):
+            group = _group(session.markers[label].segment)
+            squared.setdefault(group, []).extend(distances[hand.track.used[:, i], i].tolist())
+    if tracked.object is not None:
+        residuals = tracked.object.track.residuals
+        squared["object"] = (residuals[np.isfinite(residuals)] ** 2).tolist()
+    return {group: float(np.sqrt(np.mean(values))) for group, values in squared.items() if values}
+
+
+def _group(segment: str) -> str:
+    for digit in DIGITS:
+        if segment in SEGMENTS_OF_DIGIT[digit]:
+            return digit
+    return segment
