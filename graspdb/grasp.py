@@ -136,7 +136,8 @@ def _cloud(engine: Engine, trial: str, points: NDArray[np.int32]) -> tuple[Float
         {"trial": trial},
     ).table
     by_point = dict(zip(table["point"].to_pylist(), range(table.num_rows), strict=True))
-    chosen = table.take([by_point[point] for point in points.tolist() if point in by_point])
+    rows = [by_point[point] for point in points.tolist() if point in by_point]
+    chosen = table.take(np.array(rows, dtype=np.int64))
     return _rows(chosen["position"].to_pylist()), _rows(chosen["normal"].to_pylist())
 
 

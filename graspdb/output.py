@@ -97,6 +97,7 @@ def _write_csv(rows: Stream, text: IO[str]) -> None:
     """Write CSV: nothing for null, JSON for lists and maps."""
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(rows.schema.names)
+    text.flush()
     for row in _rows(rows):
         writer.writerow([_cell(value) for value in row])
 

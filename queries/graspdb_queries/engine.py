@@ -3,6 +3,7 @@
 import tempfile
 import uuid
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
@@ -96,7 +97,7 @@ class Engine:
         cursor = self._connection.cursor()
         bound = self._checked(cursor, statement, parameters or {})
         with _explained(statement):
-            return Stream(statement, cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS))
+            return Stream(cursor, statement, cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS))
 
     def _create_views(self, sources: Mapping[str, TableSource]) -> None:
         """Create the documented view of every table."""
@@ -150,7 +151,10 @@ class Stream:
         Columns of the answer.
     """
 
-    def __init__(self, statement: str, reader: pa.RecordBatchReader) -> None:
+    def __init__(
+        self, cursor: duckdb.DuckDBPyConnection, statement: str, reader: pa.RecordBatchReader
+    ) -> None:
+        self._cursor = cursor
         self._statement = statement
         self._reader = reader
         self.schema = reader.schema
@@ -163,13 +167,17 @@ class Stream:
         QueryError
             The query fails on the rows that follow.
         """
-        while True:
+        # While Arrow waits for a batch it does not look for Ctrl-C; a thread that waits for it does.
+        helper = ThreadPoolExecutor(1)
+        try:
             with _explained(self._statement):
-                try:
-                    batch = self._reader.read_next_batch()
-                except StopIteration:
-                    return
-            yield batch
+                while (batch := helper.submit(next, self._reader, None).result()) is not None:
+                    yield batch
+        except BaseException:
+            self._cursor.interrupt()
+            raise
+        finally:
+            helper.shutdown()
 
 
 def _is_utf8(text: str) -> bool:
