@@ -48,9 +48,11 @@ def test_noiseless_markers_give_the_posture_back_from_nowhere(hands, side, n_mis
             if n_missing == 0:
                 worst_site = max(worst_site, np.abs(hand.forward(fit.q).sites - pose.sites).max())
     share = found / len(SEEDS)
-    print(f"{side}, {n_missing} missing: found {share:.1%}, worst site {1e3 * worst_site:.3f} mm")
+    print(f"{side}, {n_missing} missing: found {share:.1%}")
     assert share >= 0.95
-    assert worst_site < 1e-4
+    if n_missing == 0:  # with markers missing, what none of them shows is the prior's
+        print(f"worst site {1e3 * worst_site:.3f} mm")
+        assert 0 < worst_site < 1e-4
 
 
 def test_fit_moves_with_the_markers(hands):
