@@ -2,11 +2,11 @@
 
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeVar
 
 import duckdb
 import pyarrow as pa
@@ -18,6 +18,12 @@ from graspdb_queries.views import INTERNAL, comments_sql, helper_tables, view_sq
 from graspdb_schemas.errors import ParameterError, QueryError, nearest
 
 _BATCH_ROWS: Final = 65536
+"""Rows of a batch of a stream."""
+
+_GLANCE: Final = 0.05
+"""How often a waiting caller looks for Ctrl-C [s]."""
+
+T = TypeVar("T")
 
 
 class Engine:
@@ -90,14 +96,19 @@ class Engine:
         cursor = self._connection.cursor()
         bound = self._checked(cursor, statement, parameters or {})
         with _explained(statement):
-            return Result(cursor.sql(statement, params=bound).to_arrow_table())
+            return Result(
+                _interruptible(cursor, lambda: cursor.sql(statement, params=bound).to_arrow_table())
+            )
 
     def stream(self, statement: str, parameters: Mapping[str, Any] | None = None) -> "Stream":
         """Run one SELECT statement and return its rows batch by batch, in bounded memory; see `sql`."""
         cursor = self._connection.cursor()
         bound = self._checked(cursor, statement, parameters or {})
         with _explained(statement):
-            return Stream(cursor, statement, cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS))
+            reader = _interruptible(
+                cursor, lambda: cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS)
+            )
+        return Stream(cursor, statement, reader)
 
     def _create_views(self, sources: Mapping[str, TableSource]) -> None:
         """Create the documented view of every table."""
@@ -167,17 +178,28 @@ class Stream:
         QueryError
             The query fails on the rows that follow.
         """
-        # While Arrow waits for a batch it does not look for Ctrl-C; a thread that waits for it does.
-        helper = ThreadPoolExecutor(1)
+        with _explained(self._statement):
+            while (batch := _interruptible(self._cursor, lambda: next(self._reader, None))) is not None:
+                yield batch
+
+
+def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> T:
+    """Do what takes DuckDB long, so that Ctrl-C ends it.
+
+    While DuckDB waits for its threads it does not look for signals. So a thread of ours waits for it, and
+    the caller's looks up now and then: some libraries take the signal in a way that wakes no waiting thread.
+    """
+    with ThreadPoolExecutor(1) as helper:
+        coming = helper.submit(work)
         try:
-            with _explained(self._statement):
-                while (batch := helper.submit(next, self._reader, None).result()) is not None:
-                    yield batch
+            while not wait([coming], timeout=_GLANCE).done:
+                pass
+            return coming.result()
         except BaseException:
-            self._cursor.interrupt()
+            # Said again until it is heard: a query that has not quite begun forgets it.
+            while not wait([coming], timeout=_GLANCE).done:
+                cursor.interrupt()
             raise
-        finally:
-            helper.shutdown()
 
 
 def _is_utf8(text: str) -> bool:
@@ -194,9 +216,5 @@ def _explained(statement: str) -> Iterator[None]:
     """Turn errors of DuckDB, and of Arrow reading from it, into QueryError."""
     try:
         yield
-    except RuntimeError as error:
-        if "interrupted" in str(error).lower():
-            raise KeyboardInterrupt from error
-        raise query_error(str(error), statement) from error
     except (duckdb.Error, OSError, pa.ArrowException) as error:
         raise query_error(str(error), statement) from error
