@@ -63,22 +63,35 @@ def main() -> None:
 
     What a user can cause is said in one message on standard error, without a traceback.
     """
+    status = _run()
+    if status == _INTERRUPTED:
+        # What was interrupted is not taken apart in order, of which libraries complain at length.
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)
+
+
+def _run() -> int:
+    """Run the command line and return the status to exit with."""
     try:
         app(prog_name="graspdb")
+    except SystemExit as done:
+        return done.code if isinstance(done.code, int) else 0
     except GraspDBError as error:
-        _fail(str(error))
+        return _fail(str(error))
     except KeyboardInterrupt:
-        sys.exit(_INTERRUPTED)
+        return _INTERRUPTED
     except BrokenPipeError:
         # Whoever read the answer has seen enough; keep Python from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(_FAILURE)
+        return _FAILURE
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        _fail(f"{where}{error.strerror or error}")
+        return _fail(f"{where}{error.strerror or error}")
+    return 0
 
 
-def _fail(message: str) -> None:
-    """Say what went wrong and exit."""
+def _fail(message: str) -> int:
+    """Say what went wrong and return the status of a failure."""
     print(f"graspdb: {message}", file=sys.stderr)
-    sys.exit(_FAILURE)
+    return _FAILURE

@@ -39,7 +39,8 @@ def demo(
     typer.echo(summary(report))
     with graspdb.open(db) as database:
         typer.echo("\nGrasps by object and subject:")
-        write_rows(database.stream(GRASPS), "table", None)
+        with database.stream(GRASPS) as rows:
+            write_rows(rows, "table", None)
         typer.echo("\nAgainst the truth that made the recordings:")
         for name, value in figures(measure_accuracy(session, database)).items():
             typer.echo(f"  {name:<28}{value}")

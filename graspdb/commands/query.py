@@ -32,8 +32,8 @@ def query(
 
     named = named_query(name)
     bound = named.bind(_parameters(param or []))
-    with Database(db) as database:
-        write_rows(database.stream(named.sql, **bound), format_.value, output)
+    with Database(db) as database, database.stream(named.sql, **bound) as rows:
+        write_rows(rows, format_.value, output)
 
 
 def _parameters(given: list[str]) -> dict[str, str]:

@@ -21,5 +21,5 @@ def sql(
     from graspdb.database import Database
     from graspdb.output import write_rows
 
-    with Database(db) as database:
-        write_rows(database.stream(statement), format_.value, output)
+    with Database(db) as database, database.stream(statement) as rows:
+        write_rows(rows, format_.value, output)

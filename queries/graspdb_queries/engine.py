@@ -3,9 +3,10 @@
 import tempfile
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Any, Final, Self, TypeVar
 
 import duckdb
@@ -58,11 +59,16 @@ class Engine:
         )
         try:
             self._create_views(sources)
+            self._lock(sources)
         except duckdb.Error as error:
             raise QueryError(
                 str(error), "A file is missing or damaged: restore the folder from a copy."
             ) from error
-        self._lock(sources)
+        except RuntimeError as error:
+            # What DuckDB makes of Ctrl-C.
+            if "interrupted" in str(error):
+                raise KeyboardInterrupt from error
+            raise
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -170,6 +176,19 @@ class Stream:
         self._reader = reader
         self.schema = reader.schema
 
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the stream."""
+        self.close()
+
+    def close(self) -> None:
+        """Give up the rows that have not been read."""
+        self._reader.close()
+        self._cursor.close()
+
     def __iter__(self) -> Iterator[pa.RecordBatch]:
         """Yield the batches.
 
@@ -189,17 +208,26 @@ def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> 
     While DuckDB waits for its threads it does not look for signals. So a thread of ours waits for it, and
     the caller's looks up now and then: some libraries take the signal in a way that wakes no waiting thread.
     """
-    with ThreadPoolExecutor(1) as helper:
-        coming = helper.submit(work)
+    outcome: Future[T] = Future()
+
+    def run() -> None:
         try:
-            while not wait([coming], timeout=_GLANCE).done:
-                pass
-            return coming.result()
-        except BaseException:
-            # Said again until it is heard: a query that has not quite begun forgets it.
-            while not wait([coming], timeout=_GLANCE).done:
-                cursor.interrupt()
-            raise
+            outcome.set_result(work())
+        except BaseException as error:
+            outcome.set_exception(error)
+
+    helper = Thread(target=run, daemon=True)
+    try:
+        helper.start()
+        while not wait([outcome], timeout=_GLANCE).done:
+            pass
+        return outcome.result()
+    except BaseException:
+        # Said again until it is heard: a query that has not quite begun forgets it.
+        while helper.is_alive():
+            cursor.interrupt()
+            helper.join(_GLANCE)
+        raise
 
 
 def _is_utf8(text: str) -> bool:
