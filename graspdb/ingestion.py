@@ -13,13 +13,13 @@ from graspdb_ingest.input_key import input_key
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.pipeline import Context, process_trial
 from graspdb_ingest.prepare import PreparedHand, PreparedObject, prepare_hand, prepare_object
+from graspdb_ingest.session_rows import session_rows
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import GraspDBError, ParameterError
 from graspdb_schemas.manifest import Session, SessionTrial
 from graspdb_schemas.manifest_reader import parse_manifest
 from graspdb_schemas.vocabulary import Side
 
-MANIFEST = "session.yaml"
 T = TypeVar("T")
 
 
@@ -122,10 +122,13 @@ def ingest(
     if workers < 1:
         raise ParameterError("workers", workers, "1 or more")
     parameters = parameters or IngestParameters()
-    described = read_session(session, data_root)
+    described = parse_manifest(Path(session), None if data_root is None else Path(data_root))
     store = Store.create_or_open(db)
     todo, reports = _to_do(described, store, parameters, force)
-    contexts = _contexts(described, todo, parameters, workers)
+    prepared = _prepare(described, todo, parameters, workers)
+    if todo:
+        store.commit_session(session_rows(described, prepared.good_hands, prepared.good_objects))
+    contexts = {trial.name: prepared.context(described, trial) for trial in todo}
     for rows in _processed(described, todo, contexts, parameters, workers):
         committed = store.commit_trial(rows, force=force)
         report = _report(rows, committed.outcome)
@@ -133,13 +136,6 @@ def ingest(
         if progress is not None:
             progress(report, len(todo))
     return IngestReport(described.id, Path(db), tuple(reports))
-
-
-def read_session(session: str | os.PathLike[str], data_root: str | os.PathLike[str] | None = None) -> Session:
-    """Read the manifest of a session given by its folder or by the manifest itself."""
-    path = Path(session)
-    manifest = path / MANIFEST if path.is_dir() else path
-    return parse_manifest(manifest, None if data_root is None else Path(data_root))
 
 
 def _to_do(
@@ -163,33 +159,44 @@ class _Problem:
     text: str
 
 
-def _contexts(
+@dataclass(frozen=True)
+class _Prepared:
+    """The hands and objects of a session's trials, or why they cannot be had."""
+
+    hands: Mapping[tuple[str, Side], PreparedHand | _Problem]
+    objects: Mapping[str, PreparedObject | _Problem]
+
+    @property
+    def good_hands(self) -> list[PreparedHand]:
+        return [hand for hand in self.hands.values() if isinstance(hand, PreparedHand)]
+
+    @property
+    def good_objects(self) -> list[PreparedObject]:
+        return [thing for thing in self.objects.values() if isinstance(thing, PreparedObject)]
+
+    def context(self, session: Session, trial: SessionTrial) -> Context:
+        """Return what a trial stands on."""
+        hands = {side: self.hands[trial.subject, side] for side in session.sides_of(trial)}
+        thing = None if trial.object is None else self.objects[trial.object]
+        return Context(
+            hands={side: hand for side, hand in hands.items() if isinstance(hand, PreparedHand)},
+            object=thing if isinstance(thing, PreparedObject) else None,
+            problems=tuple(part.text for part in (*hands.values(), thing) if isinstance(part, _Problem)),
+        )
+
+
+def _prepare(
     session: Session, todo: Sequence[SessionTrial], parameters: IngestParameters, workers: int
-) -> Mapping[str, Context]:
+) -> _Prepared:
     """Prepare each hand and object that the trials need, once; a failure rejects just those trials."""
     hands = _unique((t.subject, side) for t in todo for side in session.sides_of(t))
     objects = [name for name in _unique(t.object for t in todo) if name is not None]
     with Parallel(n_jobs=min(workers, max(1, len(hands) + len(objects)))) as parallel:
         prepared_hands = parallel(delayed(_hand)(session, n, s, parameters) for n, s in hands)
         prepared_objects = parallel(delayed(_object)(session, n, parameters) for n in objects)
-    by_hand = dict(zip(hands, prepared_hands, strict=True))
-    by_object = dict(zip(objects, prepared_objects, strict=True))
-    return {trial.name: _context(session, trial, by_hand, by_object) for trial in todo}
-
-
-def _context(
-    session: Session,
-    trial: SessionTrial,
-    hands: Mapping[tuple[str, Side], PreparedHand | _Problem],
-    objects: Mapping[str, PreparedObject | _Problem],
-) -> Context:
-    found = {side: hands[trial.subject, side] for side in session.sides_of(trial)}
-    thing = objects[trial.object] if trial.object is not None else None
-    needed = [*found.values(), thing]
-    return Context(
-        hands={side: hand for side, hand in found.items() if isinstance(hand, PreparedHand)},
-        object=thing if isinstance(thing, PreparedObject) else None,
-        problems=tuple(part.text for part in needed if isinstance(part, _Problem)),
+    return _Prepared(
+        hands=dict(zip(hands, prepared_hands, strict=True)),
+        objects=dict(zip(objects, prepared_objects, strict=True)),
     )
 
 

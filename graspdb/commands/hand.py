@@ -16,16 +16,10 @@ def hand(
 ) -> None:
     """Write a hand of the given size as MJCF, which any MuJoCo viewer opens."""
     from graspdb_ingest.hand import HandDimensions, build_hand
-    from graspdb_schemas.errors import RecordingError
     from graspdb_schemas.manifest_reader import BUILT_IN_MARKERS
     from graspdb_schemas.vocabulary import Side
 
     side = Side.LEFT if left else Side.RIGHT
     model = build_hand(HandDimensions(hand_length / 1000, hand_breadth / 1000), side, BUILT_IN_MARKERS)
-    try:
-        model.write(output)
-    except OSError as error:
-        raise RecordingError(
-            output, f"cannot be written: {error.strerror}", "Name a file in a folder."
-        ) from error
+    model.write(output)
     typer.echo(f"{output}: {side} hand, 29 degrees of freedom, 20 sites")

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from graspdb.database import Database
-from graspdb.ingestion import read_session
 from graspdb.simulate.truth import TrialTruth, load_truth
 from graspdb_ingest.hand.model import Floats
+from graspdb_schemas.manifest_reader import parse_manifest
 from graspdb_schemas.vocabulary import TIPS
 
 
@@ -67,7 +67,7 @@ def measure_accuracy(session: Path, database: Database) -> Accuracy:
         the true onset of lift counts; a trial without a grasp counts all its contacts as missed.
     """
     truth = load_truth(session)
-    key = read_session(session).id
+    key = parse_manifest(session).id
     trials = [_compare(f"{key}/{name}", true, database) for name, true in truth.trials.items()]
     found, hits = sum(t.found for t in trials), sum(t.hits for t in trials)
     lifts = np.array([t.lift for t in trials])

@@ -94,6 +94,12 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     return Gaps(gap=gap - radii, nearest=nearest)
 
 
+def no_gaps(centres: Floats) -> Gaps:
+    """Return the gaps where there is no object, for centres of shape (..., 20, 3)."""
+    shape = centres.shape[:-1]
+    return Gaps(gap=np.full(shape, np.nan), nearest=np.full(shape, NO_POINT, dtype=np.int64))
+
+
 def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
     """Return the touching spheres of one frame: those whose gap is below h.
 

@@ -184,7 +184,8 @@ def _contact_spans(gap: Floats, threshold: float, rate: float, parameters: Event
     the next belongs to neither.
     """
     reach = _frames(parameters.minimum_gap, rate)
-    touching = _touching(gap, threshold, parameters.release_margin, reach)
+    unknown = _frames(parameters.maximum_unknown, rate)
+    touching = _touching(gap, threshold, parameters.release_margin, unknown)
     cores = [
         core
         for core in _joined_runs(touching.sum(axis=1) >= parameters.minimum_sites, reach)

@@ -3,20 +3,18 @@
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.columns import list_column, number_column, table
+from graspdb_ingest.columns import list_column, number_column
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_ingest.trial_markers import TrialMarkers
-from graspdb_schemas.tables import FRAMES, MARKERS
-from graspdb_schemas.vocabulary import N_SITES
+from graspdb_schemas.conform import rows_schema
 
 
 def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
     """Return the positions of every marker of the recording, under its own labels, nothing filled in."""
     recording = markers.recording
     n = recording.n_frames
-    labels = pa.array([list(recording.labels)] * n, type=MARKERS.field("labels").type)
-    return table(
-        MARKERS,
+    labels = [list(recording.labels)] * n
+    return pa.Table.from_pydict(
         {
             "trial": pa.repeat(trial, n),
             "frame": np.arange(n),
@@ -24,6 +22,7 @@ def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
             "labels": labels,
             "positions": list_column(recording.positions),
         },
+        schema=rows_schema("markers"),
     )
 
 
@@ -36,13 +35,11 @@ def frame_rows(trial: str, tracked: TrackedTrial) -> pa.Table:
 def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> pa.Table:
     n, track = len(tracked.markers.times), hand.track
     positions, quaternions = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
-    residuals, gap = np.full(n, np.nan), np.full((n, N_SITES), np.nan)
-    if tracked.object is not None and hand.gaps is not None:
+    residuals = np.full(n, np.nan)
+    if tracked.object is not None:
         pose = tracked.object.track
         positions, quaternions, residuals = pose.positions, pose.quaternions, pose.residuals
-        gap = hand.gaps.gap
-    return table(
-        FRAMES,
+    return pa.Table.from_pydict(
         {
             "trial": pa.repeat(trial, n),
             "side": pa.repeat(side, n),
@@ -54,11 +51,12 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "object_position": list_column(positions),
             "object_quaternion": list_column(quaternions),
             "object_residual": number_column(residuals),
-            "gap": list_column(gap),
+            "gap": list_column(hand.gaps.gap),
             "residual": number_column(track.residual_rms),
             "n_markers": track.used.sum(axis=1),
             "flags": _flags(hand),
         },
+        schema=rows_schema("frames"),
     )
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.columns import table
 from graspdb_ingest.contact import Contacts, find_contacts
 from graspdb_ingest.enclosure import (
     EnclosingSpace,
@@ -20,8 +19,8 @@ from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
+from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
-from graspdb_schemas.tables import CONTACTS, FEATURES, GRASPS
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, SITES, Side
 
 THUMB_TIP, INDEX_TIP = SITES.index("thumb_tip"), SITES.index("index_tip")
@@ -75,8 +74,6 @@ def _grasp(
     parameters: ContactParameters,
 ) -> Grasp:
     prepared, frame, gaps = followed.prepared, hold.snapshot, hand.gaps
-    if gaps is None:
-        raise ValueError("a hold without gaps")
     contacts = find_contacts(gaps.gap[frame], gaps.nearest[frame], parameters.threshold, prepared.cloud)
     centres = hand.sites_object[frame, contacts.sites]
     radii = hand.prepared.hand.radii[contacts.sites]
@@ -95,8 +92,8 @@ def grasp_rows(
     """Return the rows of `grasps`, `contacts` and `features`."""
     if tracked.object is None or not grasps:
         return {}
-    key, name = f"{session.id}/{trial.name}", tracked.object.prepared.name
-    rows = [_grasp_row(g, tracked.hands[g.side], tracked, parameters) for g in grasps]
+    followed, times = tracked.object, tracked.markers.times
+    key, name = f"{session.id}/{trial.name}", followed.prepared.name
     common = {
         "session": session.id,
         "trial": key,
@@ -105,29 +102,25 @@ def grasp_rows(
         "task": trial.task,
         "repetition": trial.repetition,
     }
-    columns = {column: [row[column] for row in rows] for column in rows[0]}
-    columns |= {column: [value] * len(rows) for column, value in common.items()}
+    rows = [common | _grasp_row(g, tracked.hands[g.side], followed, times, parameters) for g in grasps]
     contacts = [row for grasp in grasps for row in _contact_rows(key, grasp)]
     features = [_feature_row(session.id, key, name, grasp) for grasp in grasps]
     return {
-        "grasps": table(GRASPS, columns),
-        "contacts": _from_rows(CONTACTS, contacts),
-        "features": _from_rows(FEATURES, features),
+        "grasps": pa.Table.from_pylist(rows, schema=rows_schema("grasps")),
+        "contacts": pa.Table.from_pylist(contacts, schema=rows_schema("contacts")),
+        "features": pa.Table.from_pylist(features, schema=rows_schema("features")),
     }
 
 
-def _from_rows(schema: pa.Schema, rows: list[dict[str, object]]) -> pa.Table:
-    names = [name for name in schema.names if name != "ingest_id"]
-    return table(schema, {name: [row[name] for row in rows] for name in names})
-
-
 def _grasp_row(
-    grasp: Grasp, hand: TrackedHand, tracked: TrackedTrial, parameters: ContactParameters
+    grasp: Grasp,
+    hand: TrackedHand,
+    followed: TrackedObject,
+    times: Floats,
+    parameters: ContactParameters,
 ) -> dict[str, object]:
-    hold, frame, times = grasp.hold, grasp.hold.snapshot, tracked.markers.times
-    sites = hand.sites_object[frame]
-    space, gaps = grasp.space, hand.gaps
-    lift = hold.lift_onset
+    hold, frame, lift = grasp.hold, grasp.hold.snapshot, grasp.hold.lift_onset
+    sites, space = hand.sites_object[frame], grasp.space
     return {
         "grasp": grasp.key,
         "side": str(grasp.side),
@@ -143,8 +136,8 @@ def _grasp_row(
         "contact_threshold": parameters.threshold,
         "q": hand.track.q[frame].tolist(),
         "sites_object": sites.tolist(),
-        "object_from_hand": _object_from_hand(hand, tracked, frame).tolist(),
-        "gap": gaps.gap[frame].tolist() if gaps is not None else None,
+        "object_from_hand": _object_from_hand(hand, followed, frame).tolist(),
+        "gap": hand.gaps.gap[frame].tolist(),
         "grip_aperture": float(np.linalg.norm(sites[THUMB_TIP] - sites[INDEX_TIP])),
         "hull_volume": space.volume,
         "box_volume": box_volume(space),
@@ -156,11 +149,9 @@ def _grasp_row(
     }
 
 
-def _object_from_hand(hand: TrackedHand, tracked: TrackedTrial, frame: int) -> Floats:
+def _object_from_hand(hand: TrackedHand, followed: TrackedObject, frame: int) -> Floats:
     """Return the pose of the hand segment in the object frame, shape (4, 4)."""
-    if tracked.object is None:
-        raise ValueError("a grasp without an object")
-    model, pose = hand.prepared.hand, tracked.object.track
+    model, pose = hand.prepared.hand, followed.track
     posture = model.forward(hand.track.q[frame])
     segment = model.segments.index("hand")
     matrix = np.eye(4)

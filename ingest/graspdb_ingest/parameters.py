@@ -95,8 +95,9 @@ class EventParameters:
     minimum_hold : float
         Shortest time with `minimum_sites` in contact that is a hold [s].
     minimum_gap : float
-        Holds nearer to each other than this are one, and a hold outlasts data missing for no
-        longer than this [s].
+        Holds nearer to each other than this are one [s].
+    maximum_unknown : float
+        A hold outlasts data missing for no longer than this, if there is contact after it [s].
     minimum_sites : int
         Sites in contact that make a hold.
     release_margin : float
@@ -112,6 +113,7 @@ class EventParameters:
     lift_height: float = 0.005
     minimum_hold: float = 0.15
     minimum_gap: float = 0.15
+    maximum_unknown: float = 1.0
     minimum_sites: int = 2
     release_margin: float = 0.004
     steady_contacts: float = 0.8

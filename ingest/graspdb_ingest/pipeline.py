@@ -5,22 +5,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
-from graspdb_ingest.columns import table
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
-from graspdb_ingest.session_rows import session_rows
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
+from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.errors import GraspDBError
 from graspdb_schemas.manifest import Session, SessionTrial
-from graspdb_schemas.tables import TRIALS
 from graspdb_schemas.vocabulary import DIGITS, SEGMENTS_OF_DIGIT, Side
 
 
@@ -62,12 +61,11 @@ def process_trial(
     Returns
     -------
     TrialTables
-        The trial's rows, and those of the session that it stands on. A rejected trial brings its
-        row in `trials`, and its markers where they could be read.
+        The trial's rows; those of the session that it stands on are `session_rows`. A rejected
+        trial brings its row in `trials`, and its markers where they could be read.
     """
-    subject = session.subjects[trial.subject]
     key = f"{session.id}/{trial.name}"
-    rows = session_rows(session, subject, list(context.hands.values()), context.object)
+    rows: dict[str, pa.Table] = {}
     markers: TrialMarkers | None = None
     tracked: TrackedTrial | None = None
     reasons = list(context.problems)
@@ -89,9 +87,7 @@ def process_trial(
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
     described = _trial_row(session, trial, parameters, markers, tracked, reasons)
-    rows["trials"] = table(
-        TRIALS, {name: [value] for name, value in (described | {"n_grasps": n_grasps}).items()}
-    )
+    rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
 
 

@@ -6,59 +6,60 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.columns import list_column, table
+from graspdb_ingest.columns import list_column
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
-from graspdb_schemas.manifest import Session, Subject
-from graspdb_schemas.tables import HANDS, OBJECT_POINTS, OBJECTS, SESSIONS, SUBJECTS
+from graspdb_ingest.trial_tables import TrialTables
+from graspdb_schemas.conform import rows_schema
+from graspdb_schemas.manifest import Session
 
 
 def session_rows(
-    session: Session, subject: Subject, hands: Sequence[PreparedHand], prepared: PreparedObject | None
-) -> dict[str, pa.Table]:
-    """Return the rows that a trial stands on: its session, subject, calibrated hands and object."""
+    session: Session, hands: Sequence[PreparedHand], objects: Sequence[PreparedObject]
+) -> TrialTables:
+    """Return the rows that trials stand on: the session, its subjects, calibrated hands and objects."""
     rows = {
         "sessions": _session(session),
-        "subjects": _subject(session.id, subject),
+        "subjects": _subjects(session),
         "hands": _hands(session.id, hands),
     }
-    if prepared is not None:
-        rows["objects"] = _object(session, prepared)
-        rows["object_points"] = _object_points(session.id, prepared)
-    return rows
+    if objects:
+        rows["objects"] = pa.concat_tables([_object(session, prepared) for prepared in objects])
+        rows["object_points"] = pa.concat_tables([_object_points(session.id, o) for o in objects])
+    return TrialTables(rows)
 
 
 def _session(session: Session) -> pa.Table:
     marker_set = session.raw.get("marker_set")
-    return table(
-        SESSIONS,
+    return pa.Table.from_pydict(
         {
             "session": [session.id],
             "up": [list(session.up)],
             "marker_set": [marker_set if isinstance(marker_set, str) else json.dumps(marker_set)],
             "manifest": [json.dumps(session.raw, default=str, sort_keys=True)],
         },
+        schema=rows_schema("sessions"),
     )
 
 
-def _subject(session: str, subject: Subject) -> pa.Table:
-    return table(
-        SUBJECTS,
+def _subjects(session: Session) -> pa.Table:
+    subjects = list(session.subjects.values())
+    return pa.Table.from_pydict(
         {
-            "session": [session],
-            "subject": [subject.name],
-            "hand": ["both" if len(subject.sides) == 2 else str(subject.sides[0])],
-            "hand_length": [subject.hand_length],
-            "hand_breadth": [subject.hand_breadth],
-            "joint_thickness": [list(subject.joint_thickness.items())],
+            "session": [session.id] * len(subjects),
+            "subject": [s.name for s in subjects],
+            "hand": ["both" if len(s.sides) == 2 else str(s.sides[0]) for s in subjects],
+            "hand_length": [s.hand_length for s in subjects],
+            "hand_breadth": [s.hand_breadth for s in subjects],
+            "joint_thickness": [list(s.joint_thickness.items()) for s in subjects],
         },
+        schema=rows_schema("subjects"),
     )
 
 
 def _object(session: Session, prepared: PreparedObject) -> pa.Table:
     described, surface = session.objects[prepared.name], prepared.surface
-    return table(
-        OBJECTS,
+    return pa.Table.from_pydict(
         {
             "session": [session.id],
             "object": [prepared.name],
@@ -73,12 +74,12 @@ def _object(session: Session, prepared: PreparedObject) -> pa.Table:
             "n_points": [len(prepared.cloud.points)],
             "warnings": [list(surface.warnings)],
         },
+        schema=rows_schema("objects"),
     )
 
 
 def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
-    return table(
-        HANDS,
+    return pa.Table.from_pydict(
         {
             "session": [session] * len(hands),
             "subject": [hand.subject for hand in hands],
@@ -90,13 +91,13 @@ def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
             "residual_before": [_rms(hand.before) for hand in hands],
             "residual": [_rms(hand.after) for hand in hands],
         },
+        schema=rows_schema("hands"),
     )
 
 
 def _object_points(session: str, prepared: PreparedObject) -> pa.Table:
     cloud, n = prepared.cloud, len(prepared.cloud.points)
-    return table(
-        OBJECT_POINTS,
+    return pa.Table.from_pydict(
         {
             "session": pa.repeat(session, n),
             "object": pa.repeat(prepared.name, n),
@@ -106,6 +107,7 @@ def _object_points(session: str, prepared: PreparedObject) -> pa.Table:
             "area": cloud.areas,
             "fpfh": list_column(prepared.histograms),
         },
+        schema=rows_schema("object_points"),
     )
 
 

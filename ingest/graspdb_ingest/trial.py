@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graspdb_ingest.contact import Gaps, signed_gaps
+from graspdb_ingest.contact import Gaps, no_gaps, signed_gaps
 from graspdb_ingest.events import Hold, find_holds
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
@@ -46,8 +46,8 @@ class TrackedHand:
         Posture in every frame.
     sites_object : ndarray, shape (n_frames, 20, 3)
         Sphere centres in the object frame [m], NaN where hand or object is not known.
-    gaps : Gaps or None
-        Signed distances in every frame; None without an object.
+    gaps : Gaps
+        Signed distances in every frame, NaN where hand or object is not known.
     holds : tuple of Hold
         When the hand held the object.
     """
@@ -55,7 +55,7 @@ class TrackedHand:
     prepared: PreparedHand
     track: HandTrack
     sites_object: Floats
-    gaps: Gaps | None
+    gaps: Gaps
     holds: tuple[Hold, ...]
 
 
@@ -151,7 +151,8 @@ def _with_holds(
     parameters: IngestParameters,
 ) -> TrackedHand:
     if followed is None:
-        return TrackedHand(hand, track, np.full(track.sites.shape, np.nan), None, ())
+        nowhere = np.full(track.sites.shape, np.nan)
+        return TrackedHand(hand, track, nowhere, no_gaps(nowhere), ())
     pose, cloud = followed.track, followed.prepared.cloud
     sites_object = inverse_transform_points(
         pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)

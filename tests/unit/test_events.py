@@ -234,16 +234,16 @@ def test_short_loss_of_data_changes_nothing_but_a_long_one_parts_the_hold():
     plain = only(lift().holds())
     short = lift()
     for array in (short.gap, short.positions, short.sites):
-        array[190:200] = array[330:342] = np.nan
+        array[190:200] = array[260:340] = np.nan
     hold = only(short.holds())
     assert (hold.first, hold.last, hold.lift_onset) == (plain.first, plain.last, plain.lift_onset)
     long = lift()
     for array in (long.gap, long.positions, long.sites):
-        array[260:300] = np.nan
+        array[260:380] = np.nan
     before, after = long.holds()
     assert before.lift_onset == plain.lift_onset
     assert (before.last, before.released) == (259, False)
-    assert (after.first, after.lift_onset) == (300, None)
+    assert (after.first, after.lift_onset) == (380, None)
 
 
 def test_snapshot_is_a_frame_in_which_hand_and_object_are_known():

@@ -2,13 +2,12 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from graspdb_ingest.hand.model import Floats, HandModel
 
 
 class Kinematics:
-    """Marker and site positions of a hand, with their Jacobians, for one configuration at a time.
+    """Marker positions of a hand, with their Jacobian, for one configuration at a time.
 
     It keeps MuJoCo's working memory between calls, so one workspace serves one thread. The model
     inside is a private copy: calibration may move its joints and markers.
@@ -26,7 +25,6 @@ class Kinematics:
         self.model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._data = mujoco.MjData(self.model)
         self._marker_ids = hand.marker_ids
-        self._site_ids = hand.site_ids
         shape = (len(self._marker_ids), 3, hand.n_dof)
         self._jacobian = np.zeros(shape)
         self._targets = [(self._jacobian[i], int(site)) for i, site in enumerate(self._marker_ids)]
@@ -40,11 +38,6 @@ class Kinematics:
     def markers(self) -> Floats:
         """Marker positions [m], shape (n_markers, 3)."""
         return np.array(self._data.site_xpos[self._marker_ids])
-
-    @property
-    def sites(self) -> Floats:
-        """Sphere centres [m], shape (20, 3)."""
-        return np.array(self._data.site_xpos[self._site_ids])
 
     @property
     def body_rotations(self) -> Floats:
@@ -65,19 +58,3 @@ class Kinematics:
         for target, site in self._targets:
             mujoco.mj_jacSite(self.model, self._data, target, None, site)
         return self._jacobian
-
-    def site_jacobian(self) -> Floats:
-        """Return d(site) / d(degree of freedom), shape (20, 3, n_dof)."""
-        mujoco.mj_comPos(self.model, self._data)
-        jacobian = np.empty((len(self._site_ids), 3, self.hand.n_dof))
-        for target, site in zip(jacobian, self._site_ids, strict=True):
-            mujoco.mj_jacSite(self.model, self._data, target, None, int(site))
-        return jacobian
-
-    def ancestors(self, body: int) -> NDArray[np.int32]:
-        """Return the bodies from the root to `body`, both included, without the world."""
-        chain: list[int] = []
-        while body > 0:
-            chain.append(body)
-            body = int(self.model.body_parentid[body])
-        return np.array(chain[::-1], dtype=np.int32)

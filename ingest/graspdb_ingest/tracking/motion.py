@@ -29,8 +29,6 @@ class MotionModel:
     stationary : ndarray, shape (2 * n_dof, 2 * n_dof)
         Covariance of a hand of which nothing is known but that it is one: the prior for the
         joint angles, a wide one for the free joint.
-    mean : ndarray, shape (n_dof,)
-        What the positions return to: the mean posture, zero for the free joint (unused there).
     """
 
     position_position: Floats
@@ -39,11 +37,10 @@ class MotionModel:
     velocity_velocity: Floats
     noise: Floats
     stationary: Floats
-    mean: Floats
 
     def predict_covariance(self, covariance: Floats) -> Floats:
         """Return A P A^T + Q, shape (2 * n_dof, 2 * n_dof)."""
-        n = len(self.mean)
+        n = len(self.position_position)
         upper = self.position_position[:, None] * covariance[:n]
         upper += self.position_velocity[:, None] * covariance[n:]
         lower = self.velocity_position[:, None] * covariance[:n]
@@ -60,7 +57,7 @@ class MotionModel:
     def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Return the change of position over the step, and the velocity after it, each (n_dof,).
 
-        `offset` is the position minus `mean`; it plays no part for the free joint.
+        `offset` is the posture minus its mean; it plays no part for the free joint.
         """
         change = (self.position_position - 1) * offset + self.position_velocity * velocity
         return change, self.velocity_position * offset + self.velocity_velocity * velocity
@@ -100,7 +97,6 @@ def motion_model(
     wide = np.repeat([1.0, np.pi], 3)
     stationary[range(FREE), range(FREE)] = wide**2
     stationary[range(n, n + FREE), range(n, n + FREE)] = (wide / parameters.posture_time) ** 2
-    mean = np.concatenate([np.zeros(FREE), prior.mean])
     return MotionModel(
         position_position=from_position,
         position_velocity=from_velocity,
@@ -108,5 +104,4 @@ def motion_model(
         velocity_velocity=of_velocity,
         noise=(noise + noise.T) / 2,
         stationary=stationary,
-        mean=mean,
     )
