@@ -160,3 +160,17 @@ def test_hand_with_segments_of_its_own_has_marker_offsets_alone():
     jacobian = geometry.jacobian(workspace, parameters)
     assert np.allclose(jacobian[0], np.hstack([np.eye(3), np.zeros((3, 3))]))
     assert np.allclose(jacobian[1], np.hstack([np.zeros((3, 3)), turn.as_matrix()]))
+
+
+def test_drawn_capsules_reach_from_joint_to_joint_after_calibration(geometry):
+    rng = np.random.default_rng(5)
+    changed = geometry.hand.reshaped(
+        geometry.shape(rng.normal(size=geometry.n_parameters) * geometry.prior_sd)
+    )
+    for hand in (geometry.hand, changed):
+        model = hand.mujoco_model
+        for site in SITES:
+            capsule = model.geom(f"to_{site}")
+            half = Rotation.from_quat(capsule.quat, scalar_first=True).apply([0, 0, capsule.size[1]])
+            assert capsule.pos + half == pytest.approx(model.site(site).pos, abs=1e-5)
+            assert capsule.pos - half == pytest.approx(np.zeros(3), abs=1e-5)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand.dimensions import HandDimensions, fan_angle
-from graspdb_ingest.hand.model import MARKER_PREFIX, HandModel
+from graspdb_ingest.hand.model import CAPSULE_PREFIX, MARKER_PREFIX, HandModel
 from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import (
     DIGITS,
@@ -104,9 +104,10 @@ def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[float, float, float]) ->
 
 
 def _capsule(
-    body: mujoco.MjsBody, start: NDArray[np.float64], end: NDArray[np.float64], radius: float
+    body: mujoco.MjsBody, name: str, start: NDArray[np.float64], end: NDArray[np.float64], radius: float
 ) -> None:
     body.add_geom(
+        name=name,
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[*start, *end],
         size=[radius, 0, 0],
@@ -122,13 +123,19 @@ def _add_palm(spec: mujoco.MjSpec, dimensions: HandDimensions, side: Side) -> di
     forearm = spec.worldbody.add_body(name="forearm")
     forearm.add_freejoint(name="forearm")
     thickness = 0.2 * dimensions.hand_breadth
-    _capsule(forearm, np.array([-FOREARM_DRAWN, 0, 0]), np.zeros(3), thickness)
+    _capsule(forearm, "forearm", np.array([-FOREARM_DRAWN, 0, 0]), np.zeros(3), thickness)
     hand = forearm.add_body(name="hand")
     _hinge(hand, "wrist_flexion", (0, 1, 0))
     _hinge(hand, "wrist_deviation", (0, 0, mirror))
     for digit in DIGITS:
         first = dimensions.radii[4 * DIGITS.index(digit)]
-        _capsule(hand, np.zeros(3), dimensions.base_joint(digit, side), CAPSULE_SHARE * first)
+        _capsule(
+            hand,
+            f"{CAPSULE_PREFIX}{SITES[4 * DIGITS.index(digit)]}",
+            np.zeros(3),
+            dimensions.base_joint(digit, side),
+            CAPSULE_SHARE * first,
+        )
     return {"forearm": forearm, "hand": hand}
 
 
@@ -154,7 +161,13 @@ def _add_digit(
         if f"{joint}_abduction" in JOINT_RANGE:
             _hinge(body, f"{joint}_abduction", (0, 0, away_from_middle))
         end = np.array([distances[i], 0, 0])
-        _capsule(body, np.zeros(3), end, CAPSULE_SHARE * float(np.mean(radii[i : i + 2])))
+        _capsule(
+            body,
+            f"{CAPSULE_PREFIX}{digit}_{JOINTS_OF_DIGIT[digit][i + 1]}",
+            np.zeros(3),
+            end,
+            CAPSULE_SHARE * float(np.mean(radii[i : i + 2])),
+        )
         bodies[segment] = parent = body
     return bodies
 

@@ -16,6 +16,9 @@ from graspdb_schemas.vocabulary import SEGMENTS, SITES, Side
 MARKER_PREFIX: Final = "marker_"
 """A marker `x` is the MJCF site ``marker_x``; the sites proper have their bare names."""
 
+CAPSULE_PREFIX: Final = "to_"
+"""The capsule drawn from a segment's origin to the site `x` is the MJCF geom ``to_x``."""
+
 Floats = NDArray[np.floating[Any]]
 Bools = NDArray[np.bool_]
 
@@ -223,8 +226,15 @@ class HandModel:
         return step
 
     def reshaped(self, shape: "HandShape") -> "HandModel":
-        """Return the same hand with its joints, sites and markers in other places."""
+        """Return the same hand with its joints, sites and markers in other places.
+
+        The capsules that are drawn from a moved joint to a moved site go with them.
+        """
         spec = mujoco.MjSpec.from_string(self.mjcf)
+        for site, position in shape.site_positions.items():
+            drawn = spec.geom(CAPSULE_PREFIX + site)
+            if drawn is not None:
+                _draw_to(drawn, position)
         for name, position in shape.body_positions.items():
             spec.body(name).pos = position
         for name, quaternion in shape.body_quaternions.items():
@@ -264,3 +274,12 @@ class HandModel:
 
 _SITE: Final = mujoco.mjtObj.mjOBJ_SITE
 _BODY: Final = mujoco.mjtObj.mjOBJ_BODY
+
+
+def _draw_to(capsule: mujoco.MjsGeom, end: Floats) -> None:
+    """Lay a capsule, whose axis is its z, from the segment's origin to a point."""
+    length = float(np.linalg.norm(end))
+    quaternion = np.empty(4)
+    mujoco.mju_quatZ2Vec(quaternion, np.asarray(end, dtype=float))
+    capsule.pos, capsule.quat = end / 2, quaternion
+    capsule.size = [capsule.size[0], length / 2, 0]
