@@ -7,7 +7,7 @@ from graspdb_ingest.hand.model import Floats, HandModel
 
 
 class Kinematics:
-    """Marker positions of a hand, with their Jacobian, for one configuration at a time.
+    """Site and marker positions of a hand, and the markers' Jacobian, for one configuration at a time.
 
     It keeps MuJoCo's working memory between calls, so one workspace serves one thread. The model
     inside is a private copy: calibration may move its joints and markers.
@@ -25,6 +25,7 @@ class Kinematics:
         self.model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._data = mujoco.MjData(self.model)
         self._marker_ids = hand.marker_ids
+        self._site_ids = hand.site_ids
         shape = (len(self._marker_ids), 3, hand.n_dof)
         self._jacobian = np.zeros(shape)
         self._targets = [(self._jacobian[i], int(site)) for i, site in enumerate(self._marker_ids)]
@@ -38,6 +39,11 @@ class Kinematics:
     def markers(self) -> Floats:
         """Marker positions [m], shape (n_markers, 3)."""
         return np.array(self._data.site_xpos[self._marker_ids])
+
+    @property
+    def sites(self) -> Floats:
+        """Sphere centres [m], shape (20, 3)."""
+        return np.array(self._data.site_xpos[self._site_ids])
 
     @property
     def body_rotations(self) -> Floats:
