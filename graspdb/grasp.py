@@ -28,7 +28,7 @@ class Grasp:
         Time of the snapshot [s].
     digits, contact_sites : tuple of str
         Digits in contact, thumb first, and the sites that touch.
-    q : ndarray, shape (30,)
+    q : ndarray, shape (30,), or as many numbers as the hand model has
         Configuration of the hand [m, 1, rad].
     sites : ndarray, shape (20, 3)
         Centres of the spheres [m].

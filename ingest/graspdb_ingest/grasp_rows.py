@@ -150,14 +150,13 @@ def _grasp_row(
 
 
 def _object_from_hand(hand: TrackedHand, followed: TrackedObject, frame: int) -> Floats:
-    """Return the pose of the hand segment in the object frame, shape (4, 4)."""
-    model, pose = hand.prepared.hand, followed.track
-    posture = model.forward(hand.track.q[frame])
-    segment = model.segments.index("hand")
+    """Return the pose of the palm in the object frame, shape (4, 4)."""
+    pose = followed.track
+    position, rotation = hand.prepared.hand.palm(hand.track.q[frame])
     matrix = np.eye(4)
-    matrix[:3, :3] = pose.rotations[frame].T @ posture.rotations[segment]
+    matrix[:3, :3] = pose.rotations[frame].T @ rotation
     matrix[:3, 3] = inverse_transform_points(
-        pose.rotations[frame], pose.positions[frame], posture.positions[segment][None]
+        pose.rotations[frame], pose.positions[frame], np.asarray(position[None], dtype=np.float64)
     )[0]
     return matrix
 

@@ -102,6 +102,7 @@ def _trial_row(
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
     notes = [] if markers is None else _notes(markers)
+    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
+from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
+from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mesh import Surface, load_surface
@@ -67,6 +68,8 @@ class PreparedHand:
         Markers whose offsets the manifest left to be found.
     before, after : ndarray, shape (n_markers,)
         Rms distance of each marker to the model before and after calibration [m].
+    notes : tuple of str
+        What to know of the hand's model.
     """
 
     subject: str
@@ -75,6 +78,7 @@ class PreparedHand:
     calibrated_markers: tuple[str, ...]
     before: Floats
     after: Floats
+    notes: tuple[str, ...] = ()
 
 
 def prepare_object(described: SessionObject, parameters: CloudParameters) -> PreparedObject:
@@ -109,8 +113,8 @@ def prepare_hand(
     TrackingError
         If no recording shows enough of the hand.
     """
-    dimensions = HandDimensions(subject.hand_length, subject.hand_breadth, subject.joint_thickness)
-    hand = build_hand(dimensions, side, session.markers)
+    file = subject_hand(session, subject, side)
+    hand = file.hand
     prior = default_prior(hand)
     recordings = _hand_recordings(session, subject, side)
     if not recordings:
@@ -119,14 +123,15 @@ def prepare_hand(
             "Check the trials' files and marker_names in session.yaml.",
         )
     with threadpool_limits(1):
-        calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
+        calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
         prior=prior,
-        calibrated_markers=tuple(m for m, place in session.markers.items() if place.calibrated),
+        calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
         before=calibration.before,
         after=calibration.after,
+        notes=file.notes,
     )
 
 

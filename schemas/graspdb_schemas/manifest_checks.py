@@ -18,6 +18,7 @@ from graspdb_schemas.vocabulary import (
     DIGIT_OF_SITE,
     FOREARM_MARKERS,
     SEGMENT_OF_SITE,
+    SEGMENTS,
     SEGMENTS_OF_DIGIT,
     SITES,
     Side,
@@ -53,6 +54,8 @@ def value_problems(manifest: Mapping[str, Any]) -> Iterator[Problem]:
         yield from _sizes(manifest, str(units))
     yield from _placements(manifest)
     yield from _marker_names(manifest)
+    for name, entry in table(manifest.get("subjects")).items():
+        yield from _model(f"subjects.{name}", table(entry))
     for name, entry in table(manifest.get("objects")).items():
         yield from _object(f"objects.{name}", table(entry), set(hand_labels(manifest)), metres)
     yield from _trials(manifest)
@@ -111,13 +114,32 @@ def _object_labels(manifest: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _placements(manifest: Mapping[str, Any]) -> Iterator[Problem]:
+    foreign = any("model" in table(entry) for entry in table(manifest.get("subjects")).values())
     for label, entry in table(manifest.get("marker_set")).items():
         at, segment = table(entry).get("at"), table(entry).get("segment")
+        if isinstance(segment, str) and segment and segment not in SEGMENTS and not foreign:
+            allowed = ", ".join(SEGMENTS) + nearest(segment, SEGMENTS)
+            yield Problem(f"marker_set.{label}.segment", repr(segment), allowed)
+            continue
         if isinstance(at, str) and at in SEGMENT_OF_SITE and isinstance(segment, str):
             carriers = _carriers(at)
             if segment not in carriers:
                 allowed = f"a segment beside {at}: {' or '.join(carriers)}"
                 yield Problem(f"marker_set.{label}.segment", repr(segment), allowed)
+
+
+def _model(key: str, subject: Mapping[str, Any]) -> Iterator[Problem]:
+    model = subject.get("model")
+    if model is None:
+        return
+    if isinstance(model, str) and subject.get("hand") == "both":
+        allowed = (
+            "the hand that the file shows, {right: file} or {left: file}, the other being its mirror image"
+        )
+        yield Problem(f"{key}.model", repr(model), allowed)
+    if "joint_thickness" in subject:
+        allowed = "nothing beside a model, whose sites have their own sizes"
+        yield Problem(f"{key}.joint_thickness", "a table", allowed)
 
 
 def _carriers(site: str) -> tuple[str, ...]:
