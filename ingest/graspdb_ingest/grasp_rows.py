@@ -16,7 +16,8 @@ from graspdb_ingest.enclosure import (
 from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.hand.model import Floats
-from graspdb_ingest.parameters import ContactParameters
+from graspdb_ingest.parameters import ContactParameters, IngestParameters
+from graspdb_ingest.quality import GraspQuality, grasp_quality
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
@@ -44,6 +45,8 @@ class Grasp:
         The hand enclosing space, object frame.
     feature : GraspableFeature
         The object's points in it.
+    quality : GraspQuality
+        How well the contacts can hold the object.
     """
 
     key: str
@@ -52,9 +55,10 @@ class Grasp:
     contacts: Contacts
     space: EnclosingSpace
     feature: GraspableFeature
+    quality: GraspQuality
 
 
-def find_grasps(trial: str, tracked: TrackedTrial, parameters: ContactParameters) -> list[Grasp]:
+def find_grasps(trial: str, tracked: TrackedTrial, parameters: IngestParameters) -> list[Grasp]:
     """Return the grasps of a trial: contacts, enclosing space and feature at each hold's snapshot."""
     if tracked.object is None:
         return []
@@ -71,15 +75,18 @@ def _grasp(
     hold: Hold,
     hand: TrackedHand,
     followed: TrackedObject,
-    parameters: ContactParameters,
+    parameters: IngestParameters,
 ) -> Grasp:
+    h, vertices = parameters.contact.threshold, parameters.contact.sphere_vertices
     prepared, frame, gaps = followed.prepared, hold.snapshot, hand.gaps
-    contacts = find_contacts(gaps.gap[frame], gaps.nearest[frame], parameters.threshold, prepared.cloud)
+    contacts = find_contacts(gaps.gap[frame], gaps.nearest[frame], h, prepared.cloud)
     centres = hand.sites_object[frame, contacts.sites]
     radii = hand.prepared.hand.radii[contacts.sites]
-    space = enclosing_space(centres, radii, parameters.sphere_vertices)
+    space = enclosing_space(centres, radii, vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
-    return Grasp(key, side, hold, contacts, space, feature)
+    edges = parameters.quality.cone_edges
+    quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
+    return Grasp(key, side, hold, contacts, space, feature, quality)
 
 
 def grasp_rows(
@@ -145,7 +152,8 @@ def _grasp_row(
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
-        "quality": [],
+        "quality": list(grasp.quality.indices().items()),
+        "force_closure": grasp.quality.force_closure,
     }
 
 

@@ -58,7 +58,7 @@ def _subjects(session: Session) -> pa.Table:
 
 
 def _object(session: Session, prepared: PreparedObject) -> pa.Table:
-    described, surface = session.objects[prepared.name], prepared.surface
+    described, surface, mechanics = session.objects[prepared.name], prepared.surface, prepared.mechanics
     return pa.Table.from_pydict(
         {
             "session": [session.id],
@@ -72,7 +72,12 @@ def _object(session: Session, prepared: PreparedObject) -> pa.Table:
             "watertight": [surface.watertight],
             "cloud_spacing": [prepared.cloud.spacing],
             "n_points": [len(prepared.cloud.points)],
-            "warnings": [list(surface.warnings)],
+            "warnings": [[*surface.warnings, *mechanics.warnings]],
+            "friction": [mechanics.friction],
+            "friction_source": ["manifest" if mechanics.friction_given else "default"],
+            "center_of_mass": [mechanics.center_of_mass.tolist()],
+            "center_of_mass_source": [mechanics.center_source],
+            "radius": [mechanics.radius],
         },
         schema=rows_schema("objects"),
     )
