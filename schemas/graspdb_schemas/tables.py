@@ -193,7 +193,11 @@ GRASPS: Final = pa.schema(
         _OBJECT,
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
-        _column("snapshot_kind", pa.string(), "lift_onset, or steadiest where there is no lift"),
+        _column(
+            "snapshot_kind",
+            pa.string(),
+            "lift_onset, steadiest where there is no lift, or static where there is one instant alone",
+        ),
         _column("snapshot_frame", pa.int32(), "frame of the snapshot"),
         _column("snapshot_time", pa.float64(), "time of the snapshot", "s"),
         _column("onset_time", pa.float64(), "first contact of this hold", "s"),
