@@ -14,7 +14,7 @@ from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.result import Result
-from graspdb_queries.views import identifier
+from graspdb_queries.quoting import identifier
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
@@ -134,10 +134,11 @@ class Database:
         Raises
         ------
         ParameterError
-            There is no such query, or a parameter is unknown, missing or of the wrong kind.
+            There is no such query, or a parameter is unknown, missing, of the wrong kind or out of range.
+        QueryError
+            What the database holds does not allow an answer.
         """
-        named = named_query(name)
-        return self._engine.sql(named.sql, named.bind(parameters))
+        return named_query(name).run(self._engine, parameters)
 
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.

@@ -23,7 +23,7 @@ class Grasp:
     id, trial, session, subject, object, side : str
         Its key, and what it belongs to.
     snapshot_kind : str
-        lift_onset, or steadiest where there is no lift.
+        lift_onset, steadiest where there is no lift, or static where there is one instant alone.
     snapshot_time : float or None
         Time of the snapshot [s].
     digits, contact_sites : tuple of str

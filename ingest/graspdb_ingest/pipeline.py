@@ -82,7 +82,7 @@ def process_trial(
     except GraspDBError as error:
         reasons.append(str(error))
     if tracked is not None:
-        grasps = find_grasps(key, tracked, parameters.contact)
+        grasps = find_grasps(key, tracked, parameters)
         n_grasps = len(grasps)
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)

@@ -14,8 +14,9 @@ from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import fpfh
+from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
-from graspdb_ingest.parameters import CloudParameters, TrackingParameters
+from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import calibrate_hand
 from graspdb_ingest.trial_markers import select_markers
@@ -42,6 +43,8 @@ class PreparedObject:
         Its markers.
     marker_positions : ndarray, shape (n_markers, 3)
         Their places in the object frame [m].
+    mechanics : Mechanics
+        Friction, center of mass and radius.
     """
 
     name: str
@@ -50,6 +53,7 @@ class PreparedObject:
     histograms: NDArray[np.float32]
     marker_labels: tuple[str, ...]
     marker_positions: Floats
+    mechanics: Mechanics
 
 
 @dataclass(frozen=True)
@@ -81,17 +85,19 @@ class PreparedHand:
     notes: tuple[str, ...] = ()
 
 
-def prepare_object(described: SessionObject, parameters: CloudParameters) -> PreparedObject:
-    """Load an object's surface, sample its cloud and describe its points."""
+def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
+    """Load an object's surface, sample its cloud and describe its points and its mechanics."""
     surface = load_surface(described.mesh, described.mesh_scale)
-    cloud = sample_cloud(surface, parameters)
+    cloud = sample_cloud(surface, parameters.cloud)
+    friction = parameters.quality.friction
     return PreparedObject(
         name=described.name,
         surface=surface,
         cloud=cloud,
-        histograms=fpfh(cloud, parameters.fpfh_radius),
+        histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
+        mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
     )
 
 

@@ -81,6 +81,10 @@ class SessionObject:
         Marker positions in the mesh's frame [m].
     mass : float or None
         Mass [kg].
+    friction : float or None
+        Coefficient of friction between skin and object.
+    center_of_mass : tuple of float or None
+        Center of mass in the mesh's frame [m].
     category : str or None
         Kind of object.
     """
@@ -91,6 +95,8 @@ class SessionObject:
     markers: Mapping[str, Vector]
     mass: float | None = None
     category: str | None = None
+    friction: float | None = None
+    center_of_mass: Vector | None = None
 
 
 @dataclass(frozen=True)

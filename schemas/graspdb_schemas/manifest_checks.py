@@ -29,6 +29,8 @@ _HAND_BREADTH: Final = (0.02, 0.20)
 _THICKNESS: Final = (0.003, 0.06)
 _MARKER_REACH: Final = (0.0, 5.0)
 _MASS: Final = 200.0
+_FRICTION: Final = 4.0
+"""More than skin has on any dry solid."""
 _OFF_LINE: Final = 0.001
 """Markers nearer than this to one line fix no rotation [m]."""
 
@@ -167,6 +169,9 @@ def _object(key: str, entry: Mapping[str, Any], taken: set[str], metres: float |
     mass = _number(entry.get("mass"))
     if mass is not None and mass > _MASS:
         yield Problem(f"{key}.mass", f"{mass:g} kg", f"up to {_MASS:g} kg; is it in grams?")
+    friction = _number(entry.get("friction"))
+    if friction is not None and friction > _FRICTION:
+        yield Problem(f"{key}.friction", f"{friction:g}", f"up to {_FRICTION:g}; is it in percent?")
     positions = {label: place for label, raw in markers.items() if (place := vector(raw)) is not None}
     if metres is not None and len(positions) == len(markers) >= 3:
         yield from _shape(f"{key}.markers", list(positions), metres * np.array(list(positions.values())))

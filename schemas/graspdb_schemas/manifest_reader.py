@@ -214,6 +214,8 @@ class _Builder:
             markers={label: self._vector(place) for label, place in entry["markers"].items()},
             mass=entry.get("mass"),
             category=entry.get("category"),
+            friction=entry.get("friction"),
+            center_of_mass=self._vector(entry["center_of_mass"]) if "center_of_mass" in entry else None,
         )
 
     def _trial(self, index: int, entry: Mapping[str, Any]) -> SessionTrial:
