@@ -48,6 +48,7 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "q": list_column(track.q),
             "q_sd": list_column(track.q_sd),
             "sites": list_column(track.sites),
+            "sites_sd": list_column(track.sites_sd),
             "object_position": list_column(positions),
             "object_quaternion": list_column(quaternions),
             "object_residual": number_column(residuals),

@@ -170,6 +170,12 @@ FRAMES: Final = pa.schema(
         ),
         _column("q_sd", VECTOR32, "standard deviation of each degree of freedom (29)", "m, rad"),
         _column("sites", MATRIX, "centres of the 20 spheres in the lab frame (20, 3)", "m"),
+        _column(
+            "sites_sd",
+            VECTOR32,
+            "standard deviation of each site in space, root of the trace of its covariance (20)",
+            "m",
+        ),
         _column("object_position", VECTOR, "origin of the object frame in the lab frame (3)", "m"),
         _column("object_quaternion", VECTOR, "world_from_object rotation, w x y z (4)"),
         _column(
