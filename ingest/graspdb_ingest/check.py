@@ -1,5 +1,6 @@
 """Read a whole session, write nothing, and say what is in it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -7,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.rigidity import DistanceReport, measure_distances, rigidity_warnings
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
@@ -92,17 +94,21 @@ class SessionReport:
         Its trials.
     calibrations : tuple of TrialReport
         The recordings that its subjects are calibrated from.
+    hands : tuple of str
+        What is wrong with its subjects' own hand models.
     """
 
     path: Path
     id: str
     trials: tuple[TrialReport, ...]
     calibrations: tuple[TrialReport, ...]
+    hands: tuple[str, ...] = ()
 
     @property
     def readable(self) -> bool:
-        """Whether every recording can be read."""
-        return all(report.problem is None for report in (*self.trials, *self.calibrations))
+        """Whether every recording and every hand model can be read."""
+        reports = (*self.trials, *self.calibrations)
+        return not self.hands and all(report.problem is None for report in reports)
 
 
 def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
@@ -138,7 +144,18 @@ def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
         id=session.id,
         trials=tuple(check_trial(session, trial) for trial in session.trials),
         calibrations=tuple(check_trial(session, trial) for trial in calibrations),
+        hands=tuple(_hand_problems(session)),
     )
+
+
+def _hand_problems(session: Session) -> Iterator[str]:
+    """Yield what is wrong with hand models that the subjects bring."""
+    for subject in session.subjects.values():
+        for side in subject.sides if subject.models else ():
+            try:
+                subject_hand(session, subject, side)
+            except GraspDBError as error:
+                yield f"subject {subject.name}, {side} hand: {error}"
 
 
 def check_trial(session: Session, trial: SessionTrial) -> TrialReport:

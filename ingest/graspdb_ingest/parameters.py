@@ -137,6 +137,23 @@ class ContactParameters:
 
 
 @dataclass(frozen=True)
+class QualityParameters:
+    """Grasp quality.
+
+    Attributes
+    ----------
+    friction : float
+        Coefficient of friction of an object whose manifest gives none: that of palmar skin on vinyl, 0.50
+        and 0.53 in 84 measurements (Buchholz, Frederick and Armstrong 1988, Ergonomics 31, 317).
+    cone_edges : int
+        Edges of the pyramid inscribed in each friction cone.
+    """
+
+    friction: float = 0.5
+    cone_edges: int = 6
+
+
+@dataclass(frozen=True)
 class IngestParameters:
     """All parameters of an ingest."""
 
@@ -145,6 +162,7 @@ class IngestParameters:
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     events: EventParameters = field(default_factory=EventParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
+    quality: QualityParameters = field(default_factory=QualityParameters)
 
     def to_json(self) -> str:
         """Return the parameters as JSON with sorted keys."""

@@ -82,7 +82,7 @@ def process_trial(
     except GraspDBError as error:
         reasons.append(str(error))
     if tracked is not None:
-        grasps = find_grasps(key, tracked, parameters.contact)
+        grasps = find_grasps(key, tracked, parameters)
         n_grasps = len(grasps)
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
@@ -102,6 +102,7 @@ def _trial_row(
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
     notes = [] if markers is None else _notes(markers)
+    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",

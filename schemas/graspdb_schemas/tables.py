@@ -71,6 +71,15 @@ OBJECTS: Final = pa.schema(
         _column("cloud_spacing", pa.float64(), "spacing asked of the cloud", "m"),
         _column("n_points", pa.int32(), "number of points of the cloud"),
         _column("warnings", TEXTS, "what was found wrong with the mesh and put up with"),
+        _column("friction", pa.float64(), "coefficient of friction that grasp quality is computed with"),
+        _column("friction_source", pa.string(), "manifest, or default: the ingest's parameter"),
+        _column("center_of_mass", VECTOR, "in the object frame (3)", "m"),
+        _column(
+            "center_of_mass_source",
+            pa.string(),
+            "manifest; volume: centroid of the closed mesh; area: centroid of the surface",
+        ),
+        _column("radius", pa.float64(), "largest distance of the surface from the center of mass", "m"),
         _INGEST_ID,
     ]
 )
@@ -184,7 +193,11 @@ GRASPS: Final = pa.schema(
         _OBJECT,
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
-        _column("snapshot_kind", pa.string(), "lift_onset, or steadiest where there is no lift"),
+        _column(
+            "snapshot_kind",
+            pa.string(),
+            "lift_onset, steadiest where there is no lift, or static where there is one instant alone",
+        ),
         _column("snapshot_frame", pa.int32(), "frame of the snapshot"),
         _column("snapshot_time", pa.float64(), "time of the snapshot", "s"),
         _column("onset_time", pa.float64(), "first contact of this hold", "s"),
@@ -205,7 +218,12 @@ GRASPS: Final = pa.schema(
         _column("sphere_volume", pa.float64(), "volume of their least sphere", "m3"),
         _column("feature_points", pa.int32(), "number of object points in the enclosing space"),
         _column("feature_area", pa.float64(), "surface area of the graspable feature", "m2"),
-        _column("quality", pa.map_(pa.string(), pa.float64()), "grasp quality indices by name"),
+        _column(
+            "quality",
+            pa.map_(pa.string(), pa.float64()),
+            "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
+        ),
+        _column("force_closure", pa.bool_(), "whether the contacts resist every force and torque"),
         _INGEST_ID,
     ]
 )
