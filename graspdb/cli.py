@@ -9,6 +9,7 @@ import typer
 
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
+from graspdb.commands.export import export
 from graspdb.commands.hand import hand
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
@@ -37,6 +38,7 @@ app.command()(info)
 app.command()(schema)
 app.command()(sql)
 app.command()(query)
+app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)
 
