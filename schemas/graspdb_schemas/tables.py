@@ -71,6 +71,15 @@ OBJECTS: Final = pa.schema(
         _column("cloud_spacing", pa.float64(), "spacing asked of the cloud", "m"),
         _column("n_points", pa.int32(), "number of points of the cloud"),
         _column("warnings", TEXTS, "what was found wrong with the mesh and put up with"),
+        _column("friction", pa.float64(), "coefficient of friction that grasp quality is computed with"),
+        _column("friction_source", pa.string(), "manifest, or default: the ingest's parameter"),
+        _column("center_of_mass", VECTOR, "in the object frame (3)", "m"),
+        _column(
+            "center_of_mass_source",
+            pa.string(),
+            "manifest; volume: centroid of the closed mesh; area: centroid of the surface",
+        ),
+        _column("radius", pa.float64(), "largest distance of the surface from the center of mass", "m"),
         _INGEST_ID,
     ]
 )
@@ -190,7 +199,11 @@ GRASPS: Final = pa.schema(
         _OBJECT,
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
-        _column("snapshot_kind", pa.string(), "lift_onset, or steadiest where there is no lift"),
+        _column(
+            "snapshot_kind",
+            pa.string(),
+            "lift_onset, steadiest where there is no lift, or static where there is one instant alone",
+        ),
         _column("snapshot_frame", pa.int32(), "frame of the snapshot"),
         _column("snapshot_time", pa.float64(), "time of the snapshot", "s"),
         _column("onset_time", pa.float64(), "first contact of this hold", "s"),
@@ -211,7 +224,12 @@ GRASPS: Final = pa.schema(
         _column("sphere_volume", pa.float64(), "volume of their least sphere", "m3"),
         _column("feature_points", pa.int32(), "number of object points in the enclosing space"),
         _column("feature_area", pa.float64(), "surface area of the graspable feature", "m2"),
-        _column("quality", pa.map_(pa.string(), pa.float64()), "grasp quality indices by name"),
+        _column(
+            "quality",
+            pa.map_(pa.string(), pa.float64()),
+            "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
+        ),
+        _column("force_closure", pa.bool_(), "whether the contacts resist every force and torque"),
         _INGEST_ID,
     ]
 )
@@ -247,6 +265,16 @@ FEATURES: Final = pa.schema(
     ]
 )
 
+REFERENCE_CONTACTS: Final = pa.schema(
+    [
+        _TRIAL,
+        _column("time", pa.float64(), "time on the recording's clock", "s"),
+        _column("digit", pa.string(), "digit that pressed", nullable=False),
+        _column("position", VECTOR, "measured centre of pressure, object frame (3)", "m"),
+        _INGEST_ID,
+    ]
+)
+
 TABLES: Final[dict[str, pa.Schema]] = {
     "sessions": SESSIONS,
     "subjects": SUBJECTS,
@@ -259,13 +287,14 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "grasps": GRASPS,
     "contacts": CONTACTS,
     "features": FEATURES,
+    "reference_contacts": REFERENCE_CONTACTS,
 }
 """Every table by name."""
 
 SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_points")
 """Tables whose rows several trials share; a trial names the rows it stands on in its `context`."""
 
-TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features")
+TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features", "reference_contacts")
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
 STORE_COLUMNS: Final = ("ingest_id", "context")
@@ -283,6 +312,7 @@ TABLE_DOCS: Final[dict[str, str]] = {
     "grasps": "one row a grasp: one hold of one object by one hand",
     "contacts": "one row a touching sphere of a grasp",
     "features": "one row a grasp: enclosing space and graspable feature",
+    "reference_contacts": "one row a measured centre of pressure of a digit",
 }
 """What one row of each table stands for."""
 
