@@ -26,7 +26,7 @@ def prior(hand):
 
 @pytest.fixture(scope="module")
 def motion(hand, prior):
-    return motion_model(hand, prior, TrackingParameters(), 1 / RATE)
+    return motion_model(hand, prior, MotionNoise.assumed(TrackingParameters()), 1 / RATE)
 
 
 @pytest.fixture

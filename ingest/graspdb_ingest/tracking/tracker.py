@@ -11,7 +11,7 @@ from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.filter import HandFilter, State, Update
 from graspdb_ingest.tracking.fit import SEVEN, fit_frame, visible
-from graspdb_ingest.tracking.motion import MotionModel, motion_model
+from graspdb_ingest.tracking.motion import MotionModel, MotionNoise, motion_model
 from graspdb_ingest.tracking.smoother import ForwardPass
 from graspdb_schemas.errors import TrackingError
 from graspdb_schemas.vocabulary import N_SITES
@@ -74,6 +74,7 @@ def track_hand(
     rate: float,
     prior: PosturePrior,
     parameters: TrackingParameters,
+    noise: MotionNoise | None = None,
 ) -> HandTrack:
     """Follow a hand through a recording.
 
@@ -88,7 +89,9 @@ def track_hand(
     prior : PosturePrior
         Where joints usually are.
     parameters : TrackingParameters
-        Noise, gate and movement.
+        Gate and thresholds.
+    noise : MotionNoise, optional
+        Scales of movement and marker noise; those that the parameters assume where left out.
 
     Returns
     -------
@@ -106,8 +109,9 @@ def track_hand(
             f"no frame shows {parameters.minimum_start_markers} of the hand's {len(hand.markers)} markers",
             "Check marker_names in session.yaml, or the recording's labels.",
         )
-    motion = motion_model(hand, prior, parameters, 1 / rate)
-    marker_sd = np.full(len(hand.markers), parameters.marker_sd)
+    noise = MotionNoise.assumed(parameters) if noise is None else noise
+    motion = motion_model(hand, prior, noise, 1 / rate)
+    marker_sd = np.full(len(hand.markers), noise.marker_sd)
     kinematics = Kinematics(hand)
     filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
     follower = _Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
