@@ -1,17 +1,20 @@
 """One trial from its recording to its rows: track, gap, hold, contact, enclose, describe."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from graspdb_ingest.contact import Gaps, no_gaps, signed_gaps
 from graspdb_ingest.events import Hold, find_holds
+from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
+from graspdb_ingest.tracking.fit import FREE, SEVEN
+from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.errors import TrackingError
@@ -50,6 +53,8 @@ class TrackedHand:
         Signed distances in every frame, NaN where hand or object is not known.
     holds : tuple of Hold
         When the hand held the object.
+    glove : GloveFit or None
+        What its data glove was worth, where it wore one.
     """
 
     prepared: PreparedHand
@@ -57,6 +62,7 @@ class TrackedHand:
     sites_object: Floats
     gaps: Gaps
     holds: tuple[Hold, ...]
+    glove: GloveFit | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,7 @@ def track_trial(
     prepared: PreparedObject | None,
     up: Floats,
     parameters: IngestParameters,
+    gloves: Mapping[Side, GloveAngles] | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -99,6 +106,8 @@ def track_trial(
         Vertical of the lab frame.
     parameters : IngestParameters
         All thresholds.
+    gloves : mapping of Side to GloveAngles, optional
+        Data gloves that the hands wore.
 
     Raises
     ------
@@ -117,12 +126,37 @@ def track_trial(
         )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(
-            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
-        )
+        track = _follow(hand, markers, side, parameters)
+        glove = None
+        if gloves is not None and side in gloves:
+            glove = _compare(gloves[side], hand, markers, track, parameters)
+            track = _follow(hand, markers, side, parameters, glove.measurement)
         _check(track, side, parameters)
-        tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
+        tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
+
+
+def _follow(
+    hand: PreparedHand,
+    markers: TrialMarkers,
+    side: Side,
+    parameters: IngestParameters,
+    glove: GloveMeasurement | None = None,
+) -> HandTrack:
+    rate = markers.recording.rate
+    return track_hand(hand.hand, markers.hands[side], rate, hand.prior, parameters.tracking, glove)
+
+
+def _compare(
+    glove: GloveAngles,
+    hand: PreparedHand,
+    markers: TrialMarkers,
+    track: HandTrack,
+    parameters: IngestParameters,
+) -> GloveFit:
+    """Compare a glove with the hand that was followed by its markers alone."""
+    angles, angles_sd = track.q[:, SEVEN:], track.q_sd[:, FREE:]
+    return fit_glove(glove, hand.hand, markers.times, angles, angles_sd, parameters.glove)
 
 
 def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:

@@ -140,6 +140,15 @@ TRIALS: Final = pa.schema(
             "m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column(
+            "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
+        ),
+        _column(
+            "glove_sd",
+            pa.map_(pa.string(), pa.float64()),
+            "standard deviation of each glove sensor about the hand",
+            "rad",
+        ),
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
         _INGEST_ID,
     ]
