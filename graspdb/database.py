@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
 from graspdb.store.snapshot import Snapshot, take_snapshot
+from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.result import Result
@@ -18,6 +19,9 @@ from graspdb_queries.quoting import identifier
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+
+EXPORTS: Final = ("duckdb",)
+"""Forms that a database can be written in."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +153,27 @@ class Database:
             There is no such grasp; the message names those with names like it.
         """
         return read_grasp(self._engine, key)
+
+    def export(self, form: str, out: str | PathLike[str]) -> None:
+        """Write the database in a form that other programs read; ``graspdb export --help`` tells which.
+
+        Parameters
+        ----------
+        form : str
+            duckdb: a DuckDB file of views on the tables.
+        out : str or path
+            The file; there must be none yet.
+
+        Raises
+        ------
+        ParameterError
+            There is no such form.
+        QueryError
+            The file is there already, or cannot be written.
+        """
+        if form not in EXPORTS:
+            raise ParameterError("form", form, ", ".join(EXPORTS) + nearest(form, EXPORTS))
+        write_duckdb(Path(out), self.snapshot.sources)
 
     def info(self) -> Info:
         """Return what the database holds."""

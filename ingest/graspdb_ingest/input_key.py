@@ -38,6 +38,8 @@ def input_key(session: Session, trial: SessionTrial, parameters: IngestParameter
     common = ("graspdb_session", "id", "units", "up", "marker_set", "marker_names", "glove")
     subject = session.subjects[trial.subject]
     files = [trial.file, *calibration_files(session, subject), *model_files(subject)]
+    if trial.reference_contacts is not None:
+        files.append(trial.reference_contacts)
     if trial.object is not None:
         files.append(session.objects[trial.object].mesh)
     if trial.glove is not None:

@@ -15,8 +15,12 @@ from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
-from graspdb_ingest.readers.glove import read_glove
-from graspdb_ingest.recording import Recording
+    notes: Sequence[str],
+) -> dict[str, object]:
+    times = None if markers is None else markers.times
+    groups = {} if tracked is None else _residuals_by_group(session, tracked)
+    notes = [*notes, *([] if markers is None else _notes(markers))]
+    notes += [] if tracked is None else _hand_notes(tracked)
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
@@ -72,14 +76,14 @@ def process_trial(
     markers: TrialMarkers | None = None
     tracked: TrackedTrial | None = None
     reasons = list(context.problems)
-    notes: tuple[str, ...] = ()
+    notes: list[str] = []
     n_grasps = 0
     try:
         recording = read_recording(trial.file, session.file_scale)
         markers = select_markers(recording, session, trial)
         rows["markers"] = marker_rows(key, markers)
         if not reasons:
-            gloves, notes = _gloves(session, trial, recording, markers, context)
+            gloves = _gloves(session, trial, recording, markers, context, notes)
             # matrices of 58 rows are too small to share out: more threads only wait for each other
             with threadpool_limits(1):
                 tracked = track_trial(
@@ -87,6 +91,12 @@ def process_trial(
                 )
     except GraspDBError as error:
         reasons.append(str(error))
+    if trial.reference_contacts is not None:
+        try:
+            reference = read_reference_contacts(trial.reference_contacts, session.file_scale)
+            rows["reference_contacts"] = reference_rows(key, reference)
+        except GraspDBError as error:
+            notes.append(f"reference_contacts not used: {error}")
     if tracked is not None:
         grasps = find_grasps(key, tracked, parameters)
         n_grasps = len(grasps)
@@ -104,12 +114,21 @@ def _trial_row(
     markers: TrialMarkers | None,
     tracked: TrackedTrial | None,
     reasons: Sequence[str],
+<<<<<<< HEAD
     more_notes: Sequence[str],
 ) -> dict[str, object]:
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
     notes = [] if markers is None else _notes(markers)
     notes += [*more_notes, *([] if tracked is None else _hand_notes(tracked))]
+=======
+    notes: Sequence[str],
+) -> dict[str, object]:
+    times = None if markers is None else markers.times
+    groups = {} if tracked is None else _residuals_by_group(session, tracked)
+    notes = [*notes, *([] if markers is None else _notes(markers))]
+    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
+>>>>>>> main
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",
@@ -150,13 +169,25 @@ def _hand_notes(tracked: TrackedTrial) -> list[str]:
 
 
 def _gloves(
-    session: Session, trial: SessionTrial, recording: Recording, markers: TrialMarkers, context: Context
-) -> tuple[Mapping[Side, GloveAngles], tuple[str, ...]]:
-    """Return the joint angles of a trial's glove by hand, and what to know of them."""
+    session: Session,
+    trial: SessionTrial,
+    recording: Recording,
+    markers: TrialMarkers,
+    context: Context,
+    notes: list[str],
+) -> Mapping[Side, GloveAngles]:
+    """Return the joint angles of a trial's glove by hand; a glove that cannot be used is noted."""
     if trial.glove is None:
-        return {}, ()
+        return {}
     hands = {side: hand.hand for side, hand in context.hands.items()}
-    return select_glove(read_glove(trial.glove, session.glove), recording, markers.times, hands)
+    try:
+        glove = read_glove(trial.glove, session.glove)
+        picked, about = select_glove(glove, recording, markers.times, hands)
+    except GraspDBError as error:
+        notes.append(f"glove not used: {error}")
+        return {}
+    notes += about
+    return picked
 
 
 def _sensors(tracked: TrackedTrial | None, what: str) -> list[tuple[str, float]]:

@@ -12,11 +12,13 @@ The head of ``sql/<name>.sql`` is a comment::
     --
     -- Computed by: module.function
     --
+    -- Example: name=value name=value
+    --
     -- Anything else to know.
 
 A kind is text, integer, number, boolean, or the allowed words with | between them; a parameter without a
 default must be given. Where a head says by what the answer is computed, the rows of the SQL go through that
-function of graspdb_queries, and the columns are those of what it returns.
+function of graspdb_queries, and the columns are those of what it returns. The example is shown in the docs.
 """
 
 import math
@@ -37,6 +39,7 @@ _BOOLEANS: Final = {"true": True, "false": False, "yes": True, "no": False}
 _PARAMETER: Final = re.compile(r"(\w+)\s+(text|integer|number|boolean|\w+(?:\|\w+)+)(?:\s*=\s*(\S+))?\s+(.+)")
 _COLUMN: Final = re.compile(r"(\w+)\s+(.+)")
 _COMPUTED: Final = "Computed by: "
+_EXAMPLE: Final = "Example: "
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,8 @@ class NamedQuery:
         The statement.
     computed_by : str
         ``module.function`` of graspdb_queries that the statement's rows go through; empty if none.
+    example : tuple of (str, str)
+        Parameters of the example in the docs.
     """
 
     name: str
@@ -130,6 +135,7 @@ class NamedQuery:
     notes: str
     sql: str
     computed_by: str = ""
+    example: tuple[tuple[str, str], ...] = ()
 
     def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return a value for every parameter.
@@ -179,7 +185,8 @@ def parse_query(name: str, text: str) -> NamedQuery:
     lines = text.splitlines()
     n_head = next((i for i, line in enumerate(lines) if not line.startswith("--")), len(lines))
     paragraphs = "\n".join(line[2:].removeprefix(" ").rstrip() for line in lines[:n_head]).split("\n\n")
-    title, parameters, columns, notes, computed_by = paragraphs[0].replace("\n", " "), [], [], [], ""
+    title, parameters, columns, notes = paragraphs[0].replace("\n", " "), [], [], []
+    computed_by, example = "", ""
     for paragraph in paragraphs[1:]:
         heading, *entries = paragraph.splitlines()
         if heading == "Parameters:":
@@ -187,13 +194,24 @@ def parse_query(name: str, text: str) -> NamedQuery:
         elif heading == "Columns:":
             columns = [Column(*_match(name, _COLUMN, entry)) for entry in entries]
         elif paragraph.startswith(_COMPUTED):
-            computed_by = paragraph.removeprefix(_COMPUTED).strip()
+            computed_by = paragraph.removeprefix(_COMPUTED)
+        elif paragraph.startswith(_EXAMPLE):
+            example = paragraph.removeprefix(_EXAMPLE)
         else:
             notes.append(paragraph.replace("\n", " "))
     if not title or not columns:
         raise ValueError(f"{name}.sql: its head lacks a title or its columns")
     sql = "\n".join(lines[n_head:]).strip()
-    return NamedQuery(name, title, tuple(parameters), tuple(columns), "\n\n".join(notes), sql, computed_by)
+    return NamedQuery(
+        name,
+        title,
+        tuple(parameters),
+        tuple(columns),
+        "\n\n".join(notes),
+        sql,
+        computed_by,
+        tuple(_assignment(name, word) for word in example.split()),
+    )
 
 
 @cache
@@ -220,6 +238,13 @@ def _read() -> Iterator[NamedQuery]:
     for file in (resources.files("graspdb_queries") / "sql").iterdir():
         if file.name.endswith(".sql"):
             yield parse_query(file.name.removesuffix(".sql"), file.read_text(encoding="utf-8"))
+
+
+def _assignment(name: str, word: str) -> tuple[str, str]:
+    parameter, equals, value = word.partition("=")
+    if not equals:
+        raise ValueError(f"{name}.sql: {word!r} in the example of its head is not name=value")
+    return parameter, value
 
 
 def _match(name: str, pattern: re.Pattern[str], entry: str) -> tuple[str, ...]:

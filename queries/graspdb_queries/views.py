@@ -31,7 +31,7 @@ def build_database(connection: duckdb.DuckDBPyConnection, sources: Mapping[str, 
         connection.register("incoming", table)
         connection.execute(f"CREATE TABLE {INTERNAL}.{name} AS SELECT * FROM incoming")
         connection.unregister("incoming")
-    connection.execute(";".join(_statements(sources)))
+    connection.execute(";".join(["BEGIN", *_statements(sources), "COMMIT"]))
 
 
 def _helper_tables(sources: Mapping[str, TableSource]) -> Iterator[tuple[str, pa.Table]]:

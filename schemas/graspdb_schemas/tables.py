@@ -274,6 +274,16 @@ FEATURES: Final = pa.schema(
     ]
 )
 
+REFERENCE_CONTACTS: Final = pa.schema(
+    [
+        _TRIAL,
+        _column("time", pa.float64(), "time on the recording's clock", "s"),
+        _column("digit", pa.string(), "digit that pressed", nullable=False),
+        _column("position", VECTOR, "measured centre of pressure, object frame (3)", "m"),
+        _INGEST_ID,
+    ]
+)
+
 TABLES: Final[dict[str, pa.Schema]] = {
     "sessions": SESSIONS,
     "subjects": SUBJECTS,
@@ -286,13 +296,14 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "grasps": GRASPS,
     "contacts": CONTACTS,
     "features": FEATURES,
+    "reference_contacts": REFERENCE_CONTACTS,
 }
 """Every table by name."""
 
 SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_points")
 """Tables whose rows several trials share; a trial names the rows it stands on in its `context`."""
 
-TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features")
+TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features", "reference_contacts")
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
 STORE_COLUMNS: Final = ("ingest_id", "context")
@@ -310,6 +321,7 @@ TABLE_DOCS: Final[dict[str, str]] = {
     "grasps": "one row a grasp: one hold of one object by one hand",
     "contacts": "one row a touching sphere of a grasp",
     "features": "one row a grasp: enclosing space and graspable feature",
+    "reference_contacts": "one row a measured centre of pressure of a digit",
 }
 """What one row of each table stands for."""
 

@@ -1,7 +1,7 @@
 -- Which grasps are made with given digits?
 --
 -- Parameters:
---   digits  text = thumb+index         digits joined by +
+--   digits  text                       digits joined by +, such as thumb+index
 --   match   exactly|at_least|at_most = exactly  whether other digits may touch too, or some of these not
 --   object  text = null                only the object of this name
 --   subject text = null                only this subject
@@ -14,6 +14,8 @@
 --   digits         digits in contact at the snapshot, thumb first, joined by +
 --   contact_sites  sites in contact
 --   hull_volume    volume of the enclosing space [m3]
+--
+-- Example: digits=thumb+index match=at_least
 
 WITH chosen AS (
     SELECT *, digits_of_pattern($digits) AS asked

@@ -12,6 +12,8 @@
 --   change      mean of the second minus the first: positive is more flexion, or abduction [rad]
 --   sd_change   standard deviation of the change [rad]
 --
+-- Example: object=mug
+--
 -- Angles of left and right hands mean the same, so both are counted together.
 
 WITH chosen AS (

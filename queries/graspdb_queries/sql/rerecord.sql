@@ -16,6 +16,8 @@
 --   missing_fraction  share of hand-marker positions not seen
 --   residual_rms      rms distance of hand markers to the tracked hand [m]
 --
+-- Example: max_missing=0.2
+--
 -- A trial with an object and without a grasp is listed too, since nothing in it can be compared.
 
 WITH judged AS (

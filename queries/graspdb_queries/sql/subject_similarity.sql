@@ -28,7 +28,8 @@ WITH chosen AS (
     FROM grasps g
     LEFT JOIN grasp_objects o USING (grasp)
     LEFT JOIN features f USING (grasp)
-    WHERE $object IS NULL OR g.object = $object
+    WHERE g.subject IS NOT NULL
+      AND ($object IS NULL OR g.object = $object)
 ),
 points AS (
     SELECT i, object, cloud, unnest(points) AS point
@@ -37,20 +38,20 @@ points AS (
 shared AS (
     SELECT a.i AS i, b.i AS j, count(*) AS n_shared
     FROM points a
-    JOIN points b ON b.object = a.object AND b.cloud = a.cloud AND b.point = a.point AND a.i <> b.i
+    JOIN points b ON b.object = a.object AND b.cloud = a.cloud AND b.point = a.point AND a.i < b.i
     GROUP BY a.i, b.i
 ),
 pairs AS (
     SELECT
-        a.subject AS subject,
-        b.subject AS other,
+        least(a.subject, b.subject) AS subject,
+        greatest(a.subject, b.subject) AS other,
         a.object AS object,
         CASE WHEN a.cloud = b.cloud AND len(a.points) > 0 AND len(b.points) > 0
             THEN coalesce(n_shared, 0) / (len(a.points) + len(b.points) - coalesce(n_shared, 0)) END AS features,
         overlap(a.contact_sites, b.contact_sites) AS sites,
         list_avg([(angle[1] - angle[2]) ** 2 for angle in list_zip(a.angles, b.angles)]) AS square
     FROM chosen a
-    JOIN chosen b ON b.object = a.object AND b.i <> a.i
+    JOIN chosen b ON b.object = a.object AND a.i < b.i
     LEFT JOIN shared s ON s.i = a.i AND s.j = b.i
 ),
 by_object AS (
@@ -64,16 +65,22 @@ by_object AS (
         avg(square) AS square
     FROM pairs
     GROUP BY subject, other, object
+),
+alike AS (
+    SELECT
+        subject,
+        other,
+        count(*) AS n_objects,
+        sum(n_pairs)::BIGINT AS n_pairs,
+        avg(features) AS features,
+        avg(sites) AS sites,
+        sqrt(avg(square)) AS posture
+    FROM by_object
+    GROUP BY subject, other
 )
-SELECT
-    subject,
-    other,
-    count(*) AS n_objects,
-    -- A subject's own pairs stand there in both orders.
-    (sum(n_pairs) / CASE WHEN subject = other THEN 2 ELSE 1 END)::BIGINT AS n_pairs,
-    avg(features) AS features,
-    avg(sites) AS sites,
-    sqrt(avg(square)) AS posture
-FROM by_object
-GROUP BY subject, other
+FROM alike
+UNION ALL
+SELECT other, subject, * EXCLUDE (subject, other)
+FROM alike
+WHERE subject <> other
 ORDER BY subject, other

@@ -17,6 +17,8 @@
 --   contact_density  contacts within the radius, for each grasp and area of the disc of this radius [1/m2]
 --   enclosed         share of the grasps whose feature has the point
 --
+-- Example: object=mug radius=0.015
+--
 -- Points that no grasp touches or encloses have zeros, so the rows are the whole object, ready to be coloured.
 
 WITH chosen AS (
