@@ -15,12 +15,9 @@ from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
-    notes: Sequence[str],
-) -> dict[str, object]:
-    times = None if markers is None else markers.times
-    groups = {} if tracked is None else _residuals_by_group(session, tracked)
-    notes = [*notes, *([] if markers is None else _notes(markers))]
-    notes += [] if tracked is None else _hand_notes(tracked)
+from graspdb_ingest.readers.glove import read_glove
+from graspdb_ingest.recording import Recording
+from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
@@ -114,21 +111,12 @@ def _trial_row(
     markers: TrialMarkers | None,
     tracked: TrackedTrial | None,
     reasons: Sequence[str],
-<<<<<<< HEAD
-    more_notes: Sequence[str],
-) -> dict[str, object]:
-    times = None if markers is None else markers.times
-    groups = {} if tracked is None else _residuals_by_group(session, tracked)
-    notes = [] if markers is None else _notes(markers)
-    notes += [*more_notes, *([] if tracked is None else _hand_notes(tracked))]
-=======
     notes: Sequence[str],
 ) -> dict[str, object]:
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
     notes = [*notes, *([] if markers is None else _notes(markers))]
-    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
->>>>>>> main
+    notes += [] if tracked is None else _hand_notes(tracked)
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",
