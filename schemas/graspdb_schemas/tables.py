@@ -95,6 +95,15 @@ HANDS: Final = pa.schema(
         _column("calibrated_markers", TEXTS, "markers whose offsets calibration found"),
         _column("residual_before", pa.float64(), "rms distance of marker to model at the start", "m"),
         _column("residual", pa.float64(), "rms distance of marker to model after calibration", "m"),
+        _column(
+            "segment_length_sd", pa.map_(pa.string(), pa.float64()), "standard deviation by segment", "m"
+        ),
+        _column("markers", TEXTS, "labels of the hand's markers, in the order of the columns by marker"),
+        _column("marker_residuals_before", VECTOR, "rms distance of each marker at the start", "m"),
+        _column("marker_residuals", VECTOR, "rms distance of each marker after calibration", "m"),
+        _column("marker_sd", VECTOR, "standard deviation of each marker about its place, each axis", "m"),
+        _column("n_calibration_frames", pa.int32(), "frames that the hand was calibrated on"),
+        _column("calibration_notes", TEXTS, "what the recordings could not tell, and what stands in for it"),
         _INGEST_ID,
     ]
 )
