@@ -141,6 +141,9 @@ TRIALS: Final = pa.schema(
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
+        _column(
+            "table_rows", pa.map_(pa.string(), pa.int32()), "number of rows it has in other tables, by table"
+        ),
         _INGEST_ID,
     ]
 )
@@ -280,7 +283,7 @@ SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_poi
 TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features")
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
-STORE_COLUMNS: Final = ("ingest_id", "context")
+STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows")
 """Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
