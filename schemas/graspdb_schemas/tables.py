@@ -159,6 +159,9 @@ TRIALS: Final = pa.schema(
             "rad",
         ),
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
+        _column(
+            "table_rows", pa.map_(pa.string(), pa.int32()), "number of rows it has in other tables, by table"
+        ),
         _INGEST_ID,
     ]
 )
@@ -315,7 +318,7 @@ SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_poi
 TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features", "reference_contacts")
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
-STORE_COLUMNS: Final = ("ingest_id", "context")
+STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows")
 """Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
