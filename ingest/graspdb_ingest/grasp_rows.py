@@ -15,6 +15,7 @@ from graspdb_ingest.enclosure import (
 )
 from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
+from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
@@ -46,6 +47,8 @@ class Grasp:
         The hand enclosing space, object frame.
     feature : GraspableFeature
         The object's points in it.
+    shape : FeatureShape
+        The feature's pieces, how it bends and which side of the hand it faces.
     quality : GraspQuality
         How well the contacts can hold the object.
     """
@@ -56,6 +59,7 @@ class Grasp:
     contacts: Contacts
     space: EnclosingSpace
     feature: GraspableFeature
+    shape: FeatureShape
     quality: GraspQuality
 
 
@@ -80,7 +84,8 @@ def _grasp(
 ) -> Grasp:
     gaps = Gaps(hand.gaps.gap[hold.snapshot], hand.gaps.nearest[hold.snapshot])
     sites, radii = hand.sites_object[hold.snapshot], hand.prepared.hand.radii
-    return enclose(key, side, hold, sites, radii, gaps, followed.prepared, parameters)
+    rotation = _object_from_hand(hand, followed, hold.snapshot)[:3, :3]
+    return enclose(key, side, hold, sites, radii, rotation, gaps, followed.prepared, parameters)
 
 
 def enclose(
@@ -89,6 +94,7 @@ def enclose(
     hold: Hold,
     sites: Floats,
     radii: Floats,
+    rotation: Floats,
     gaps: Gaps,
     prepared: PreparedObject,
     parameters: IngestParameters,
@@ -103,6 +109,8 @@ def enclose(
         Sphere centres in the object frame [m].
     radii : ndarray, shape (20,)
         Sphere radii [m].
+    rotation : ndarray, shape (3, 3)
+        object_from_hand rotation of the hand segment.
     gaps : Gaps
         Gaps of these spheres, shape (20,).
     prepared : PreparedObject
@@ -114,9 +122,10 @@ def enclose(
     contacts = find_contacts(gaps.gap, gaps.nearest, h, prepared.cloud)
     space = enclosing_space(sites[contacts.sites], radii[contacts.sites], vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
+    shape = feature_shape(prepared.cloud, prepared.curvatures, feature.points, rotation, side)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, side, hold, contacts, space, feature, quality)
+    return Grasp(key, side, hold, contacts, space, feature, shape, quality)
 
 
 def grasp_rows(
@@ -240,7 +249,7 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
 
 def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, object]:
     """Return the row of `features`."""
-    feature, space = grasp.feature, grasp.space
+    feature, shape, space = grasp.feature, grasp.shape, grasp.space
     empty = not len(feature.points)
     return {
         "grasp": grasp.key,
@@ -253,5 +262,11 @@ def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, 
         "centroid": None if empty else feature.centroid.tolist(),
         "extents": feature.extents.tolist(),
         "area": feature.area,
+        "patches": shape.patches.tolist(),
+        "patch_areas": shape.patch_areas.tolist(),
+        "curvature_class": shape.curvature_class,
+        "curvature_shares": list(shape.curvature_shares.items()),
+        "hand_side": shape.hand_side,
+        "hand_sides": list(shape.hand_sides.items()),
         "descriptor": None if empty else feature.descriptor.tolist(),
     }

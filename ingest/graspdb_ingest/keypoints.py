@@ -160,7 +160,9 @@ def static_grasp(
     radii = described.dimensions.radii
     gaps = signed_gaps(described.sites, radii, prepared.cloud)
     key = f"{described.trial}/{described.side}/0"
-    grasp = enclose(key, described.side, STATIC, described.sites, radii, gaps, prepared, parameters)
+    side, sites = described.side, described.sites
+    rotation = object_from_hand(described.key_points, described.dimensions, side)[:3, :3]
+    grasp = enclose(key, side, STATIC, sites, radii, rotation, gaps, prepared, parameters)
     return grasp, gaps.gap
 
 

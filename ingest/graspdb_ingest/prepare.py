@@ -13,6 +13,7 @@ from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
+from graspdb_ingest.objects.curvature import principal_curvatures
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
@@ -45,6 +46,8 @@ class PreparedObject:
         Their places in the object frame [m].
     mechanics : Mechanics
         Friction, center of mass and radius.
+    curvatures : ndarray, shape (n_points, 2)
+        Principal curvatures of the cloud's points [1/m].
     """
 
     name: str
@@ -54,6 +57,7 @@ class PreparedObject:
     marker_labels: tuple[str, ...]
     marker_positions: Floats
     mechanics: Mechanics
+    curvatures: Floats
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,7 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
         mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
+        curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
     )
 
 

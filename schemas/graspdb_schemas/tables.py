@@ -117,6 +117,12 @@ OBJECT_POINTS: Final = pa.schema(
         _column("normal", VECTOR32, "outward unit normal in the object frame (3)"),
         _column("area", pa.float32(), "surface area that the point stands for", "m2"),
         _column("fpfh", VECTOR32, "fast point feature histogram (33)"),
+        _column(
+            "curvatures",
+            VECTOR32,
+            "principal curvatures, greater magnitude first, convex positive (2)",
+            "1/m",
+        ),
         _INGEST_ID,
     ]
 )
@@ -282,6 +288,20 @@ FEATURES: Final = pa.schema(
         _column("extents", VECTOR, "size along the feature's principal axes, largest first (3)", "m"),
         _column("area", pa.float64(), "surface area of the feature", "m2"),
         _column("descriptor", VECTOR32, "mean, then standard deviation, of the points' FPFH (66)"),
+        _column("patches", INDICES, "connected piece of each of the points, from 0, the largest"),
+        _column("patch_areas", VECTOR, "area of each connected piece, largest first", "m2"),
+        _column("curvature_class", pa.string(), "handle, edge, flat or rounded; null for an empty feature"),
+        _column(
+            "curvature_shares",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the area bent like a bar, sharply, hardly: bar, sharp, flat",
+        ),
+        _column("hand_side", pa.string(), "side of the hand that most of the area faces"),
+        _column(
+            "hand_sides",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the area that faces each side: palmar, dorsal, radial, ulnar, distal, proximal",
+        ),
         _INGEST_ID,
     ]
 )
