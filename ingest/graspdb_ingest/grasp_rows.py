@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.contact import Contacts, find_contacts
+from graspdb_ingest.contact import Contacts
 from graspdb_ingest.enclosure import (
     EnclosingSpace,
     box_volume,
@@ -18,6 +18,7 @@ from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters
 from graspdb_ingest.rigid import inverse_transform_points
+from graspdb_ingest.surface.touch import touching
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -73,8 +74,14 @@ def _grasp(
     followed: TrackedObject,
     parameters: ContactParameters,
 ) -> Grasp:
-    prepared, frame, gaps = followed.prepared, hold.snapshot, hand.gaps
-    contacts = find_contacts(gaps.gap[frame], gaps.nearest[frame], parameters.threshold, prepared.cloud)
+    prepared, frame = followed.prepared, hold.snapshot
+    contacts = touching(
+        hand.points.frame(frame),
+        hand.surface.frame(frame),
+        hand.gaps.frame(frame),
+        parameters.threshold,
+        prepared.distance,
+    )
     centres = hand.sites_object[frame, contacts.sites]
     radii = hand.prepared.hand.radii[contacts.sites]
     space = enclosing_space(centres, radii, parameters.sphere_vertices)
@@ -174,6 +181,8 @@ def _contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
             "position": found.positions[i].tolist(),
             "normal": found.normals[i].tolist(),
             "gap": float(found.gap[i]),
+            "segment": found.segments[i],
+            "pad": found.pads[i],
         }
         for i, site in enumerate(found.sites)
     ]

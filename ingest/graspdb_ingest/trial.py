@@ -4,14 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from graspdb_ingest.contact import Gaps, no_gaps, signed_gaps
+from graspdb_ingest.contact_events import UNKNOWN, ContactEvent, States, contact_events, contact_states
 from graspdb_ingest.events import Hold, find_holds
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
+from graspdb_ingest.surface import HandPoints, HandSurface, hand_surface, key_points
+from graspdb_ingest.surface.gaps import SiteGaps, unknown_gaps
+from graspdb_ingest.surface.touch import hand_gaps
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.errors import TrackingError
@@ -46,8 +50,16 @@ class TrackedHand:
         Posture in every frame.
     sites_object : ndarray, shape (n_frames, 20, 3)
         Sphere centres in the object frame [m], NaN where hand or object is not known.
-    gaps : Gaps
+    points : HandPoints
+        Key points in every frame, object frame.
+    surface : HandSurface
+        The surface around them.
+    gaps : SiteGaps
         Signed distances in every frame, NaN where hand or object is not known.
+    states : ndarray of int, shape (n_frames, 20)
+        Whether each site touches, is free, or is unknown.
+    events : tuple of ContactEvent
+        When each site touched.
     holds : tuple of Hold
         When the hand held the object.
     """
@@ -55,7 +67,11 @@ class TrackedHand:
     prepared: PreparedHand
     track: HandTrack
     sites_object: Floats
-    gaps: Gaps
+    points: HandPoints
+    surface: HandSurface
+    gaps: SiteGaps
+    states: States
+    events: tuple[ContactEvent, ...]
     holds: tuple[Hold, ...]
 
 
@@ -150,22 +166,33 @@ def _with_holds(
     up: Floats,
     parameters: IngestParameters,
 ) -> TrackedHand:
+    n_frames = len(markers.times)
+    sites, wrists = np.full((n_frames, 20, 3), np.nan), np.full((n_frames, 3), np.nan)
+    if followed is not None:
+        pose = followed.track
+        sites = inverse_transform_points(
+            pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
+        )
+        wrists = inverse_transform_points(pose.rotations, pose.positions, _wrists(hand, track))[:, 0]
+    points = HandPoints(key_points(wrists, sites), hand.hand.radii, hand.hand.side)
+    surface = hand_surface(points, parameters.contact.surface)
+    threshold, timing = parameters.contact.threshold, parameters.events
     if followed is None:
-        nowhere = np.full(track.sites.shape, np.nan)
-        return TrackedHand(hand, track, nowhere, no_gaps(nowhere), ())
-    pose, cloud = followed.track, followed.prepared.cloud
-    sites_object = inverse_transform_points(
-        pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
-    )
-    gaps = signed_gaps(sites_object, hand.hand.radii, cloud)
+        states = np.full((n_frames, 20), UNKNOWN, dtype=np.int8)
+        return TrackedHand(hand, track, sites, points, surface, unknown_gaps(n_frames), states, (), ())
+    gaps = hand_gaps(points, surface, followed.prepared.distance)
+    cloud = followed.prepared.cloud
     middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
-    holds = find_holds(
-        markers.times,
-        gaps.gap,
-        middle,
-        track.sites,
-        up,
-        parameters.contact.threshold,
-        parameters.events,
-    )
-    return TrackedHand(hand, track, sites_object, gaps, holds)
+    holds = find_holds(markers.times, gaps.gap, middle, track.sites, up, threshold, timing)
+    states = contact_states(gaps.gap, None, threshold, timing.release_margin)
+    events = contact_events(states, markers.recording.rate, timing)
+    return TrackedHand(hand, track, sites, points, surface, gaps, states, events, holds)
+
+
+def _wrists(hand: PreparedHand, track: HandTrack) -> NDArray[np.float64]:
+    """Return the wrist's centre in every frame, lab frame [m], shape (n_frames, 1, 3)."""
+    wrists = np.full((len(track.q), 1, 3), np.nan)
+    model = hand.hand
+    known = track.tracked
+    wrists[known, 0] = model.forward(track.q[known]).positions[:, model.segments.index("hand")]
+    return wrists
