@@ -9,6 +9,7 @@ import typer
 
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
+from graspdb.commands.export import export
 from graspdb.commands.hand import hand
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
@@ -16,6 +17,7 @@ from graspdb.commands.query import query
 from graspdb.commands.schema import schema
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
+from graspdb.commands.validate import validate
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -36,7 +38,9 @@ app.command()(info)
 app.command()(schema)
 app.command()(sql)
 app.command()(query)
+app.add_typer(export)
 app.command()(hand)
+app.add_typer(validate)
 
 _FAILURE: Final = 1
 _INTERRUPTED: Final = 128 + signal.SIGINT

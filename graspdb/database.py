@@ -5,19 +5,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
 from graspdb.store.snapshot import Snapshot, take_snapshot
+from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.result import Result
-from graspdb_queries.views import identifier
+from graspdb_queries.quoting import identifier
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+
+EXPORTS: Final = ("duckdb",)
+"""Forms that a database can be written in."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +138,11 @@ class Database:
         Raises
         ------
         ParameterError
-            There is no such query, or a parameter is unknown, missing or of the wrong kind.
+            There is no such query, or a parameter is unknown, missing, of the wrong kind or out of range.
+        QueryError
+            What the database holds does not allow an answer.
         """
-        named = named_query(name)
-        return self._engine.sql(named.sql, named.bind(parameters))
+        return named_query(name).run(self._engine, parameters)
 
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.
@@ -148,6 +153,27 @@ class Database:
             There is no such grasp; the message names those with names like it.
         """
         return read_grasp(self._engine, key)
+
+    def export(self, form: str, out: str | PathLike[str]) -> None:
+        """Write the database in a form that other programs read; ``graspdb export --help`` tells which.
+
+        Parameters
+        ----------
+        form : str
+            duckdb: a DuckDB file of views on the tables.
+        out : str or path
+            The file; there must be none yet.
+
+        Raises
+        ------
+        ParameterError
+            There is no such form.
+        QueryError
+            The file is there already, or cannot be written.
+        """
+        if form not in EXPORTS:
+            raise ParameterError("form", form, ", ".join(EXPORTS) + nearest(form, EXPORTS))
+        write_duckdb(Path(out), self.snapshot.sources)
 
     def info(self) -> Info:
         """Return what the database holds."""

@@ -23,12 +23,12 @@ class Grasp:
     id, trial, session, subject, object, side : str
         Its key, and what it belongs to.
     snapshot_kind : str
-        lift_onset, or steadiest where there is no lift.
+        lift_onset, steadiest where there is no lift, or static where there is one instant alone.
     snapshot_time : float or None
         Time of the snapshot [s].
     digits, contact_sites : tuple of str
         Digits in contact, thumb first, and the sites that touch.
-    q : ndarray, shape (30,)
+    q : ndarray, shape (30,), or as many numbers as the hand model has
         Configuration of the hand [m, 1, rad].
     sites : ndarray, shape (20, 3)
         Centres of the spheres [m].

@@ -211,7 +211,7 @@ def _hand(
 
 def _object(session: Session, name: str, parameters: IngestParameters) -> PreparedObject | _Problem:
     try:
-        return prepare_object(session.objects[name], parameters.cloud)
+        return prepare_object(session.objects[name], parameters)
     except GraspDBError as error:
         return _Problem(f"object {name}: {error}")
 

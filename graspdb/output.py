@@ -18,6 +18,9 @@ import pyarrow.parquet as pq
 from graspdb_queries.engine import Stream
 from graspdb_schemas.errors import GraspDBError
 
+Rows = Stream | pa.RecordBatchReader
+"""Rows of an answer, batch by batch."""
+
 _TABLE_ROWS: Final = 200
 """Rows that a table shows; the other forms have all."""
 
@@ -34,12 +37,12 @@ class OutputError(GraspDBError):
         super().__init__(f"{path}: {found}. {remedy}")
 
 
-def write_rows(rows: Stream, form: str, path: Path | None) -> None:
+def write_rows(rows: Rows, form: str, path: Path | None) -> None:
     """Write the rows of an answer, batch by batch.
 
     Parameters
     ----------
-    rows : Stream
+    rows : Stream or pyarrow.RecordBatchReader
         The answer.
     form : str
         table, csv, json or parquet.
@@ -87,13 +90,13 @@ def _opened(path: Path | None) -> Iterator[IO[bytes]]:
         raise
 
 
-def _write_parquet(rows: Stream, file: IO[bytes]) -> None:
+def _write_parquet(rows: Rows, file: IO[bytes]) -> None:
     with pq.ParquetWriter(file, rows.schema) as writer:
         for batch in rows:
             writer.write_batch(batch)
 
 
-def _write_csv(rows: Stream, text: IO[str]) -> None:
+def _write_csv(rows: Rows, text: IO[str]) -> None:
     """Write CSV: nothing for null, JSON for lists and maps."""
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(rows.schema.names)
@@ -102,7 +105,7 @@ def _write_csv(rows: Stream, text: IO[str]) -> None:
         writer.writerow([_cell(value) for value in row])
 
 
-def _write_json(rows: Stream, text: IO[str]) -> None:
+def _write_json(rows: Rows, text: IO[str]) -> None:
     """Write a JSON array of objects, one a line; numbers that JSON has not, NaN and infinity, become null."""
     names = _distinct(rows.schema.names)
     separator = "[\n"
@@ -112,7 +115,7 @@ def _write_json(rows: Stream, text: IO[str]) -> None:
     text.write("[]\n" if separator == "[\n" else "\n]\n")
 
 
-def _write_table(rows: Stream, text: IO[str]) -> None:
+def _write_table(rows: Rows, text: IO[str]) -> None:
     """Write columns side by side, the first rows of them."""
     shown = list(islice(_rows(rows), _TABLE_ROWS + 1))
     more, shown = len(shown) > _TABLE_ROWS, shown[:_TABLE_ROWS]
@@ -132,7 +135,7 @@ def _write_table(rows: Stream, text: IO[str]) -> None:
         text.write(f"{len(shown)} row{'' if len(shown) == 1 else 's'}\n")
 
 
-def _rows(rows: Stream) -> Iterator[tuple[Any, ...]]:
+def _rows(rows: Rows) -> Iterator[tuple[Any, ...]]:
     for batch in rows:
         columns = [column.to_pylist(maps_as_pydicts="lossy") for column in batch.columns]
         yield from zip(*columns, strict=True)

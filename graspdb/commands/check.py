@@ -21,7 +21,7 @@ def check(
 ) -> None:
     """Read every recording of a session and report frames, markers, gaps and rigidity; write nothing.
 
-    The exit status is 1 if the manifest has problems or a recording cannot be read.
+    The exit status is 1 if the manifest has problems, or a recording or hand model cannot be read.
     """
     from rich.console import Console
 
@@ -72,6 +72,8 @@ def _print_report(report: "SessionReport", console: "Console") -> None:
     for kind, trials in (("trial", report.trials), ("calibration", report.calibrations)):
         for trial in trials:
             _print_trial(kind, trial, console)
+    for problem in report.hands:
+        console.print(f"\n{problem}", markup=False, highlight=False, soft_wrap=True)
     recordings = (*report.trials, *report.calibrations)
     bad = [trial.name for trial in recordings if trial.problem]
     warned = sum(bool(trial.warnings) for trial in recordings)

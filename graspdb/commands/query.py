@@ -30,10 +30,9 @@ def query(
     from graspdb.output import write_rows
     from graspdb_queries.named import named_query
 
-    named = named_query(name)
-    bound = named.bind(_parameters(param or []))
-    with Database(db) as database, database.stream(named.sql, **bound) as rows:
-        write_rows(rows, format_.value, output)
+    bound = named_query(name).bind(_parameters(param or []))
+    with Database(db) as database:
+        write_rows(database.query(name, **bound).arrow().to_reader(), format_.value, output)
 
 
 def _parameters(given: list[str]) -> dict[str, str]:

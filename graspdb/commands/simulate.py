@@ -35,6 +35,7 @@ def simulate(
         float, typer.Option(help="Mean number of swapped stretches of labels in a trial.")
     ] = 0.0,
     rate: Annotated[float, typer.Option(help="Frames per second [Hz].")] = 120.0,
+    gloves: Annotated[bool, typer.Option("--gloves", help="Let the hands wear data gloves.")] = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a session of reaching, grasping and lifting, with the truth in DIR/truth."""
@@ -51,6 +52,7 @@ def simulate(
         experiment=experiment.value,
         noise=noise,
         rate=rate,
+        gloves=gloves,
     )
     if as_json:
         import json

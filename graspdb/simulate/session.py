@@ -1,13 +1,14 @@
 """A whole simulated session: subjects, objects, trials and their truth, in a folder."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 
 from graspdb.simulate.force_panels import write_pressure
+from graspdb.simulate.glove import draw_glove, write_glove
 from graspdb.simulate.grasps import Grasp
 from graspdb.simulate.kinds import PLANS, Plan
 from graspdb.simulate.measurement import NoiseParameters
@@ -62,6 +63,7 @@ def simulate_session(
     rate: float = 120.0,
     objects: Iterable[str] | None = None,
     kinds: Iterable[str] | None = None,
+    gloves: bool = False,
 ) -> SimulatedSession:
     """Write a session of simulated recordings, and the truth beside it.
 
@@ -83,6 +85,8 @@ def simulate_session(
         Frames per second [Hz].
     objects, kinds : iterable of str, optional
         Names of objects and of kinds of grasp to simulate; all where left out.
+    gloves : bool
+        Whether the hands wear data gloves.
 
     Returns
     -------
@@ -107,7 +111,10 @@ def simulate_session(
     truths: dict[str, TrialTruth] = {}
     entries: list[TrialEntry] = []
     for number, subject in enumerate(people):
-        for entry, truth in _subject_trials(folder, subject, tasks, noise, rate, (seed, 2, number)):
+        worn = _generator(seed, 3, number)
+        for simulated, true in _subject_trials(folder, subject, tasks, noise, rate, (seed, 2, number)):
+            entry, truth = _with_glove(folder, simulated, true, noise, worn) if gloves else (simulated, true)
+            save_trial(folder, truth)
             entries.append(entry)
             truths[entry.name] = truth
     for body in bodies:
@@ -144,10 +151,18 @@ def _subject_trials(
         trial = record(name, subject, body, done, task.repetition, noise, rate, rng)
         truth = trial.truth
         write_c3d(folder / "trials" / f"{name}.c3d", truth.marker_labels, trial.measured.positions, rate)
-        save_trial(folder, truth)
         if panels:
             _write_reference(folder, body, done.motion, truth, noise, rng)
         yield TrialEntry(name, subject.name, body.name, counts[body.name], panels), truth
+
+
+def _with_glove(
+    folder: Path, entry: TrialEntry, truth: TrialTruth, noise: NoiseParameters, rng: np.random.Generator
+) -> tuple[TrialEntry, TrialTruth]:
+    """Write the glove's angles of a trial; every trial puts the glove on anew."""
+    glove = draw_glove(noise, rng)
+    write_glove(folder / "gloves" / f"{entry.name}.csv", truth.times, truth.q, glove, noise, rng)
+    return replace(entry, glove=True), replace(truth, glove=glove)
 
 
 def _write_reference(

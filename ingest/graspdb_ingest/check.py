@@ -1,5 +1,6 @@
 """Read a whole session, write nothing, and say what is in it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -7,7 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.readers import read_recording
+from graspdb_ingest.reference_contacts import read_reference_contacts
 from graspdb_ingest.rigidity import DistanceReport, measure_distances, rigidity_warnings
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_schemas.errors import GraspDBError
@@ -92,17 +95,21 @@ class SessionReport:
         Its trials.
     calibrations : tuple of TrialReport
         The recordings that its subjects are calibrated from.
+    hands : tuple of str
+        What is wrong with its subjects' own hand models.
     """
 
     path: Path
     id: str
     trials: tuple[TrialReport, ...]
     calibrations: tuple[TrialReport, ...]
+    hands: tuple[str, ...] = ()
 
     @property
     def readable(self) -> bool:
-        """Whether every recording can be read."""
-        return all(report.problem is None for report in (*self.trials, *self.calibrations))
+        """Whether every recording and every hand model can be read."""
+        reports = (*self.trials, *self.calibrations)
+        return not self.hands and all(report.problem is None for report in reports)
 
 
 def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
@@ -138,7 +145,18 @@ def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
         id=session.id,
         trials=tuple(check_trial(session, trial) for trial in session.trials),
         calibrations=tuple(check_trial(session, trial) for trial in calibrations),
+        hands=tuple(_hand_problems(session)),
     )
+
+
+def _hand_problems(session: Session) -> Iterator[str]:
+    """Yield what is wrong with hand models that the subjects bring."""
+    for subject in session.subjects.values():
+        for side in subject.sides if subject.models else ():
+            try:
+                subject_hand(session, subject, side)
+            except GraspDBError as error:
+                yield f"subject {subject.name}, {side} hand: {error}"
 
 
 def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
@@ -162,8 +180,21 @@ def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
         not_found=markers.not_found,
         unused=markers.unused,
         distances=distances,
-        warnings=_hand_warnings(markers) + rigidity_warnings(model, markers.object_markers, distances),
+        warnings=_hand_warnings(markers)
+        + rigidity_warnings(model, markers.object_markers, distances)
+        + _reference_warnings(session, trial),
     )
+
+
+def _reference_warnings(session: Session, trial: SessionTrial) -> tuple[str, ...]:
+    """Return what keeps a trial's measured centres of pressure from being used."""
+    if trial.reference_contacts is None:
+        return ()
+    try:
+        read_reference_contacts(trial.reference_contacts, session.file_scale)
+    except GraspDBError as error:
+        return (f"reference_contacts: {error}",)
+    return ()
 
 
 def longest_gap(seen: NDArray[np.bool_]) -> int:

@@ -11,6 +11,7 @@ from graspdb_ingest.grasp_rows import Grasp
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters
 from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.surface.touch import PosedHand
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -32,8 +33,7 @@ def contact_rows(
         for row in _event_rows(hand, [g for g in grasps if g.side is side], tracked.markers.times)
     ]
     maps = [
-        {"trial": key, "session": session.id}
-        | _map_row(tracked.object.prepared, tracked.hands[grasp.side], grasp, parameters)
+        map_row(session.id, key, tracked.object.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
         for grasp in grasps
         if tracked.object is not None
     ]
@@ -72,20 +72,32 @@ def _event_row(hand: TrackedHand, event: ContactEvent, times: Floats) -> dict[st
         "last_time": last,
         "before": event.before,
         "after": event.after,
-        "least_gap": float(np.nanmin(hand.gaps.gap[event.first : event.last + 1, event.site])),
+        "least_gap": float(np.nanmin(hand.posed.gaps.gap[event.first : event.last + 1, event.site])),
     }
 
 
-def _map_row(
-    prepared: PreparedObject, hand: TrackedHand, grasp: Grasp, parameters: ContactParameters
+def map_row(
+    session: str,
+    trial: str,
+    prepared: PreparedObject,
+    posed: PosedHand,
+    grasp: str,
+    parameters: ContactParameters,
 ) -> dict[str, object]:
-    surface, cloud = hand.surface.frame(grasp.hold.snapshot), prepared.cloud
-    found = contact_map(cloud.points, cloud.normals, surface, parameters.map_reach)
+    """Return the row of `contact_maps` of a grasp, from the hand at its snapshot."""
+    cloud = prepared.cloud
+    found = contact_map(cloud.points, cloud.normals, posed.surface, parameters.map_reach)
     return {
-        "grasp": grasp.key,
+        "grasp": grasp,
+        "trial": trial,
+        "session": session,
         "object": prepared.name,
         "surface": parameters.surface,
         "points": found.points.tolist(),
         "gaps": found.gaps.tolist(),
         "facing": found.facing.tolist(),
     }
+
+
+def _at_snapshot(tracked: TrackedTrial, grasp: Grasp) -> PosedHand:
+    return tracked.hands[grasp.side].posed.frame(grasp.hold.snapshot)

@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import EventParameters
 
-SnapshotKind = Literal["lift_onset", "steadiest"]
+SnapshotKind = Literal["lift_onset", "steadiest", "static"]
 Mask = NDArray[np.bool_]
 
 FILTER_ORDER = 2
@@ -40,8 +40,8 @@ class Hold:
         where the object is not put down.
     snapshot : int
         The frame that stands for the hold; hand and object are known in it.
-    snapshot_kind : {'lift_onset', 'steadiest'}
-        How the snapshot was chosen.
+    snapshot_kind : {'lift_onset', 'steadiest', 'static'}
+        How the snapshot was chosen; static where the hand is known at one instant alone.
     """
 
     first: int

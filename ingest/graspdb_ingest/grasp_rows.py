@@ -16,9 +16,11 @@ from graspdb_ingest.enclosure import (
 from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.hand.model import Floats
-from graspdb_ingest.parameters import ContactParameters
+from graspdb_ingest.parameters import ContactParameters, IngestParameters
+from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.quality import GraspQuality, grasp_quality
 from graspdb_ingest.rigid import inverse_transform_points
-from graspdb_ingest.surface.touch import touching
+from graspdb_ingest.surface.touch import PosedHand, touching
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -45,6 +47,8 @@ class Grasp:
         The hand enclosing space, object frame.
     feature : GraspableFeature
         The object's points in it.
+    quality : GraspQuality
+        How well the contacts can hold the object.
     """
 
     key: str
@@ -53,40 +57,52 @@ class Grasp:
     contacts: Contacts
     space: EnclosingSpace
     feature: GraspableFeature
+    quality: GraspQuality
 
 
-def find_grasps(trial: str, tracked: TrackedTrial, parameters: ContactParameters) -> list[Grasp]:
+def find_grasps(trial: str, tracked: TrackedTrial, parameters: IngestParameters) -> list[Grasp]:
     """Return the grasps of a trial: contacts, enclosing space and feature at each hold's snapshot."""
     if tracked.object is None:
         return []
     return [
-        _grasp(f"{trial}/{side}/{number}", side, hold, hand, tracked.object, parameters)
+        _grasp(f"{trial}/{side}/{number}", hold, hand, tracked.object, parameters)
         for side, hand in tracked.hands.items()
         for number, hold in enumerate(hand.holds)
     ]
 
 
 def _grasp(
-    key: str,
-    side: Side,
-    hold: Hold,
-    hand: TrackedHand,
-    followed: TrackedObject,
-    parameters: ContactParameters,
+    key: str, hold: Hold, hand: TrackedHand, followed: TrackedObject, parameters: IngestParameters
 ) -> Grasp:
-    prepared, frame = followed.prepared, hold.snapshot
-    contacts = touching(
-        hand.points.frame(frame),
-        hand.surface.frame(frame),
-        hand.gaps.frame(frame),
-        parameters.threshold,
-        prepared.distance,
-    )
-    centres = hand.sites_object[frame, contacts.sites]
-    radii = hand.prepared.hand.radii[contacts.sites]
-    space = enclosing_space(centres, radii, parameters.sphere_vertices)
+    posed = hand.posed.frame(hold.snapshot)
+    return enclose(key, hold, posed, followed.prepared, parameters)
+
+
+def enclose(
+    key: str, hold: Hold, posed: PosedHand, prepared: PreparedObject, parameters: IngestParameters
+) -> Grasp:
+    """Return the grasp of a hand at one instant: contacts, enclosing space and graspable feature.
+
+    Whatever surface of the hand touches, it is the spheres of the touching sites that enclose.
+
+    Parameters
+    ----------
+    key, hold
+        What the grasp is called, and when.
+    posed : PosedHand
+        The hand at that instant, and its gaps.
+    prepared : PreparedObject
+        The object.
+    parameters : IngestParameters
+        Contact, enclosing space and quality.
+    """
+    contacts = touching(posed, parameters.contact.threshold, prepared.distance)
+    centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
+    space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
-    return Grasp(key, side, hold, contacts, space, feature)
+    edges = parameters.quality.cone_edges
+    quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
+    return Grasp(key, posed.points.side, hold, contacts, space, feature, quality)
 
 
 def grasp_rows(
@@ -110,8 +126,8 @@ def grasp_rows(
         "repetition": trial.repetition,
     }
     rows = [common | _grasp_row(g, tracked.hands[g.side], followed, times, parameters) for g in grasps]
-    contacts = [row for grasp in grasps for row in _contact_rows(key, grasp)]
-    features = [_feature_row(session.id, key, name, grasp) for grasp in grasps]
+    contacts = [row for grasp in grasps for row in contact_rows(key, grasp)]
+    features = [feature_row(session.id, key, name, grasp) for grasp in grasps]
     return {
         "grasps": pa.Table.from_pylist(rows, schema=rows_schema("grasps")),
         "contacts": pa.Table.from_pylist(contacts, schema=rows_schema("contacts")),
@@ -127,24 +143,41 @@ def _grasp_row(
     parameters: ContactParameters,
 ) -> dict[str, object]:
     hold, frame, lift = grasp.hold, grasp.hold.snapshot, grasp.hold.lift_onset
-    sites, space = hand.sites_object[frame], grasp.space
-    return {
-        "grasp": grasp.key,
-        "side": str(grasp.side),
-        "snapshot_kind": hold.snapshot_kind,
-        "snapshot_frame": frame,
+    held = held_columns(grasp, hand.posed.frame(frame), parameters)
+    return held | {
         "snapshot_time": float(times[frame]),
         "onset_time": float(times[hold.first]),
         "lift_time": None if lift is None else float(times[lift]),
         "release_time": float(times[hold.last]) if hold.released else None,
+        "q": hand.track.q[frame].tolist(),
+        "object_from_hand": _object_from_hand(hand, followed, frame).tolist(),
+    }
+
+
+def held_columns(grasp: Grasp, posed: PosedHand, parameters: ContactParameters) -> dict[str, object]:
+    """Return the columns of `grasps` that follow from the hand at the snapshot alone.
+
+    Parameters
+    ----------
+    grasp : Grasp
+        The grasp.
+    posed : PosedHand
+        The hand at the snapshot, object frame.
+    parameters : ContactParameters
+        The threshold that the contacts were found with.
+    """
+    space, sites = grasp.space, posed.points.sites
+    return {
+        "grasp": grasp.key,
+        "side": str(grasp.side),
+        "snapshot_kind": grasp.hold.snapshot_kind,
+        "snapshot_frame": grasp.hold.snapshot,
         "digits": list(grasp.contacts.digits),
         "contact_sites": list(grasp.contacts.site_names),
         "n_contacts": len(grasp.contacts.sites),
         "contact_threshold": parameters.threshold,
-        "q": hand.track.q[frame].tolist(),
         "sites_object": sites.tolist(),
-        "object_from_hand": _object_from_hand(hand, followed, frame).tolist(),
-        "gap": hand.gaps.gap[frame].tolist(),
+        "gap": posed.gaps.gap.tolist(),
         "grip_aperture": float(np.linalg.norm(sites[THUMB_TIP] - sites[INDEX_TIP])),
         "hull_volume": space.volume,
         "box_volume": box_volume(space),
@@ -152,24 +185,25 @@ def _grasp_row(
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
-        "quality": [],
+        "quality": list(grasp.quality.indices().items()),
+        "force_closure": grasp.quality.force_closure,
     }
 
 
 def _object_from_hand(hand: TrackedHand, followed: TrackedObject, frame: int) -> Floats:
-    """Return the pose of the hand segment in the object frame, shape (4, 4)."""
-    model, pose = hand.prepared.hand, followed.track
-    posture = model.forward(hand.track.q[frame])
-    segment = model.segments.index("hand")
+    """Return the pose of the palm in the object frame, shape (4, 4)."""
+    pose = followed.track
+    position, rotation = hand.prepared.hand.palm(hand.track.q[frame])
     matrix = np.eye(4)
-    matrix[:3, :3] = pose.rotations[frame].T @ posture.rotations[segment]
+    matrix[:3, :3] = pose.rotations[frame].T @ rotation
     matrix[:3, 3] = inverse_transform_points(
-        pose.rotations[frame], pose.positions[frame], posture.positions[segment][None]
+        pose.rotations[frame], pose.positions[frame], np.asarray(position[None], dtype=np.float64)
     )[0]
     return matrix
 
 
-def _contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
+def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
+    """Return a row of `contacts` for each touching site."""
     found = grasp.contacts
     return [
         {
@@ -188,7 +222,8 @@ def _contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
     ]
 
 
-def _feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, object]:
+def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, object]:
+    """Return the row of `features`."""
     feature, space = grasp.feature, grasp.space
     empty = not len(feature.points)
     return {

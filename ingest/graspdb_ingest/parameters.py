@@ -146,6 +146,52 @@ class ContactParameters:
 
 
 @dataclass(frozen=True)
+class GloveParameters:
+    """What is taken of a data glove, and how it is compared with the markers.
+
+    Attributes
+    ----------
+    known_sd : float
+        A joint counts as shown by the markers where its standard deviation is below this [rad].
+    usual_sd, offset_sd : float
+        Standard deviation of a sample, and of a sensor's offset, before any comparison [rad].
+    minimum_sd : float
+        No sensor is taken to be better than this [rad].
+    maximum_sd : float
+        A sensor that differs from the markers by more than this is left out [rad].
+    longest_delay : float
+        Largest difference of the two clocks that is looked for [s].
+    memory : float
+        Time over which the filter averages a joint's samples [s].
+    """
+
+    known_sd: float = 0.1
+    usual_sd: float = 0.09
+    offset_sd: float = 0.17
+    minimum_sd: float = 0.01
+    maximum_sd: float = 0.35
+    longest_delay: float = 0.25
+    memory: float = 0.25
+
+
+@dataclass(frozen=True)
+class QualityParameters:
+    """Grasp quality.
+
+    Attributes
+    ----------
+    friction : float
+        Coefficient of friction of an object whose manifest gives none: that of palmar skin on vinyl, 0.50
+        and 0.53 in 84 measurements (Buchholz, Frederick and Armstrong 1988, Ergonomics 31, 317).
+    cone_edges : int
+        Edges of the pyramid inscribed in each friction cone.
+    """
+
+    friction: float = 0.5
+    cone_edges: int = 6
+
+
+@dataclass(frozen=True)
 class IngestParameters:
     """All parameters of an ingest."""
 
@@ -154,6 +200,8 @@ class IngestParameters:
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     events: EventParameters = field(default_factory=EventParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
+    glove: GloveParameters = field(default_factory=GloveParameters)
+    quality: QualityParameters = field(default_factory=QualityParameters)
 
     def to_json(self) -> str:
         """Return the parameters as JSON with sorted keys."""

@@ -15,6 +15,7 @@ from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
+from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
@@ -70,6 +71,7 @@ def process_trial(
     markers: TrialMarkers | None = None
     tracked: TrackedTrial | None = None
     reasons = list(context.problems)
+    notes: list[str] = []
     n_grasps = 0
     try:
         markers = select_markers(read_recording(trial.file, session.file_scale), session, trial)
@@ -82,13 +84,19 @@ def process_trial(
                 )
     except GraspDBError as error:
         reasons.append(str(error))
+    if trial.reference_contacts is not None:
+        try:
+            reference = read_reference_contacts(trial.reference_contacts, session.file_scale)
+            rows["reference_contacts"] = reference_rows(key, reference)
+        except GraspDBError as error:
+            notes.append(f"reference_contacts not used: {error}")
     if tracked is not None:
-        grasps = find_grasps(key, tracked, parameters.contact)
+        grasps = find_grasps(key, tracked, parameters)
         n_grasps = len(grasps)
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
         rows |= contact_rows(session, trial, tracked, grasps, parameters.contact)
-    described = _trial_row(session, trial, parameters, markers, tracked, reasons)
+    described = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
     rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
 
@@ -100,10 +108,12 @@ def _trial_row(
     markers: TrialMarkers | None,
     tracked: TrackedTrial | None,
     reasons: Sequence[str],
+    notes: Sequence[str],
 ) -> dict[str, object]:
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
-    notes = [] if markers is None else _notes(markers)
+    notes = [*notes, *([] if markers is None else _notes(markers))]
+    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",

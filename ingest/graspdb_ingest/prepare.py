@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
+from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
+from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import fpfh
+from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
-from graspdb_ingest.parameters import CloudParameters, TrackingParameters
+from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import calibrate_hand
 from graspdb_ingest.trial_markers import select_markers
@@ -44,6 +46,8 @@ class PreparedObject:
         Its markers.
     marker_positions : ndarray, shape (n_markers, 3)
         Their places in the object frame [m].
+    mechanics : Mechanics
+        Friction, center of mass and radius.
     """
 
     name: str
@@ -53,6 +57,7 @@ class PreparedObject:
     histograms: NDArray[np.float32]
     marker_labels: tuple[str, ...]
     marker_positions: Floats
+    mechanics: Mechanics
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,8 @@ class PreparedHand:
         Markers whose offsets the manifest left to be found.
     before, after : ndarray, shape (n_markers,)
         Rms distance of each marker to the model before and after calibration [m].
+    notes : tuple of str
+        What to know of the hand's model.
     """
 
     subject: str
@@ -79,20 +86,23 @@ class PreparedHand:
     calibrated_markers: tuple[str, ...]
     before: Floats
     after: Floats
+    notes: tuple[str, ...] = ()
 
 
-def prepare_object(described: SessionObject, parameters: CloudParameters) -> PreparedObject:
-    """Load an object's surface, sample its cloud and describe its points."""
+def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
+    """Load an object's surface, sample its cloud and describe its points and its mechanics."""
     surface = load_surface(described.mesh, described.mesh_scale)
-    cloud = sample_cloud(surface, parameters)
+    cloud = sample_cloud(surface, parameters.cloud)
+    friction = parameters.quality.friction
     return PreparedObject(
         name=described.name,
         surface=surface,
         cloud=cloud,
         distance=ObjectDistance(surface, cloud),
-        histograms=fpfh(cloud, parameters.fpfh_radius),
+        histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
+        mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
     )
 
 
@@ -114,8 +124,8 @@ def prepare_hand(
     TrackingError
         If no recording shows enough of the hand.
     """
-    dimensions = HandDimensions(subject.hand_length, subject.hand_breadth, subject.joint_thickness)
-    hand = build_hand(dimensions, side, session.markers)
+    file = subject_hand(session, subject, side)
+    hand = file.hand
     prior = default_prior(hand)
     recordings = _hand_recordings(session, subject, side)
     if not recordings:
@@ -124,14 +134,15 @@ def prepare_hand(
             "Check the trials' files and marker_names in session.yaml.",
         )
     with threadpool_limits(1):
-        calibration = calibrate_hand(hand, session.markers, recordings, prior, parameters.marker_sd)
+        calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
         prior=prior,
-        calibrated_markers=tuple(m for m, place in session.markers.items() if place.calibrated),
+        calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
         before=calibration.before,
         after=calibration.after,
+        notes=file.notes,
     )
 
 

@@ -24,8 +24,11 @@ def session_rows(
         "hands": _hands(session.id, hands),
     }
     if objects:
-        rows["objects"] = pa.concat_tables([_object(session, prepared) for prepared in objects])
-        rows["object_points"] = pa.concat_tables([_object_points(session.id, o) for o in objects])
+        described = session.objects
+        rows["objects"] = pa.concat_tables(
+            [object_row(session.id, o, described[o.name].category, described[o.name].mass) for o in objects]
+        )
+        rows["object_points"] = pa.concat_tables([object_point_rows(session.id, o) for o in objects])
     return TrialTables(rows)
 
 
@@ -57,14 +60,15 @@ def _subjects(session: Session) -> pa.Table:
     )
 
 
-def _object(session: Session, prepared: PreparedObject) -> pa.Table:
-    described, surface = session.objects[prepared.name], prepared.surface
+def object_row(session: str, prepared: PreparedObject, category: str | None, mass: float | None) -> pa.Table:
+    """Return the row of `objects`; mass in kilograms."""
+    surface, mechanics = prepared.surface, prepared.mechanics
     return pa.Table.from_pydict(
         {
-            "session": [session.id],
+            "session": [session],
             "object": [prepared.name],
-            "category": [described.category],
-            "mass": [described.mass],
+            "category": [category],
+            "mass": [mass],
             "mesh_sha256": [surface.sha256],
             "area": [float(prepared.cloud.areas.sum())],
             "volume": [surface.volume],
@@ -72,7 +76,12 @@ def _object(session: Session, prepared: PreparedObject) -> pa.Table:
             "watertight": [surface.watertight],
             "cloud_spacing": [prepared.cloud.spacing],
             "n_points": [len(prepared.cloud.points)],
-            "warnings": [list(surface.warnings)],
+            "warnings": [[*surface.warnings, *mechanics.warnings]],
+            "friction": [mechanics.friction],
+            "friction_source": ["manifest" if mechanics.friction_given else "default"],
+            "center_of_mass": [mechanics.center_of_mass.tolist()],
+            "center_of_mass_source": [mechanics.center_source],
+            "radius": [mechanics.radius],
         },
         schema=rows_schema("objects"),
     )
@@ -95,7 +104,8 @@ def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
     )
 
 
-def _object_points(session: str, prepared: PreparedObject) -> pa.Table:
+def object_point_rows(session: str, prepared: PreparedObject) -> pa.Table:
+    """Return the rows of `object_points`: the object's cloud."""
     cloud, n = prepared.cloud, len(prepared.cloud.points)
     return pa.Table.from_pydict(
         {

@@ -13,9 +13,8 @@ from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
-from graspdb_ingest.surface import HandPoints, HandSurface, hand_surface, key_points
-from graspdb_ingest.surface.gaps import SiteGaps, unknown_gaps
-from graspdb_ingest.surface.touch import hand_gaps
+from graspdb_ingest.surface import HandPoints, key_points
+from graspdb_ingest.surface.touch import PosedHand, pose_hand
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.errors import TrackingError
@@ -50,12 +49,8 @@ class TrackedHand:
         Posture in every frame.
     sites_object : ndarray, shape (n_frames, 20, 3)
         Sphere centres in the object frame [m], NaN where hand or object is not known.
-    points : HandPoints
-        Key points in every frame, object frame.
-    surface : HandSurface
-        The surface around them.
-    gaps : SiteGaps
-        Signed distances in every frame, NaN where hand or object is not known.
+    posed : PosedHand
+        Its surface and gaps in every frame, NaN where hand or object is not known.
     states : ndarray of int, shape (n_frames, 20)
         Whether each site touches, is free, or is unknown.
     events : tuple of ContactEvent
@@ -67,9 +62,7 @@ class TrackedHand:
     prepared: PreparedHand
     track: HandTrack
     sites_object: Floats
-    points: HandPoints
-    surface: HandSurface
-    gaps: SiteGaps
+    posed: PosedHand
     states: States
     events: tuple[ContactEvent, ...]
     holds: tuple[Hold, ...]
@@ -175,24 +168,25 @@ def _with_holds(
         )
         wrists = inverse_transform_points(pose.rotations, pose.positions, _wrists(hand, track))[:, 0]
     points = HandPoints(key_points(wrists, sites), hand.hand.radii, hand.hand.side)
-    surface = hand_surface(points, parameters.contact.surface)
-    threshold, timing = parameters.contact.threshold, parameters.events
+    name, threshold, timing = parameters.contact.surface, parameters.contact.threshold, parameters.events
     if followed is None:
+        posed = pose_hand(points, name, None)
         states = np.full((n_frames, 20), UNKNOWN, dtype=np.int8)
-        return TrackedHand(hand, track, sites, points, surface, unknown_gaps(n_frames), states, (), ())
-    gaps = hand_gaps(points, surface, followed.prepared.distance)
+        return TrackedHand(hand, track, sites, posed, states, (), ())
+    posed = pose_hand(points, name, followed.prepared.distance)
+    gap = posed.gaps.gap
     cloud = followed.prepared.cloud
     middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
-    holds = find_holds(markers.times, gaps.gap, middle, track.sites, up, threshold, timing)
-    states = contact_states(gaps.gap, None, threshold, timing.release_margin)
+    holds = find_holds(markers.times, gap, middle, track.sites, up, threshold, timing)
+    # Of the three directions of space one lies along the gap.
+    states = contact_states(gap, track.sites_sd / np.sqrt(3), threshold, timing.release_margin)
     events = contact_events(states, markers.recording.rate, timing)
-    return TrackedHand(hand, track, sites, points, surface, gaps, states, events, holds)
+    return TrackedHand(hand, track, sites, posed, states, events, holds)
 
 
 def _wrists(hand: PreparedHand, track: HandTrack) -> NDArray[np.float64]:
-    """Return the wrist's centre in every frame, lab frame [m], shape (n_frames, 1, 3)."""
+    """Return the palm's origin, the wrist, in every frame, lab frame [m], shape (n_frames, 1, 3)."""
     wrists = np.full((len(track.q), 1, 3), np.nan)
-    model = hand.hand
-    known = track.tracked
-    wrists[known, 0] = model.forward(track.q[known]).positions[:, model.segments.index("hand")]
+    for frame in np.flatnonzero(track.tracked):
+        wrists[frame, 0] = hand.hand.palm(track.q[frame])[0]
     return wrists

@@ -15,7 +15,7 @@ import pyarrow as pa
 from graspdb_queries.explain import NOT_A_QUERY, query_error
 from graspdb_queries.result import Result
 from graspdb_queries.source import TableSource
-from graspdb_queries.views import INTERNAL, comments_sql, helper_tables, view_sql
+from graspdb_queries.views import build_database
 from graspdb_schemas.errors import ParameterError, QueryError, nearest
 
 _BATCH_ROWS: Final = 65536
@@ -58,7 +58,7 @@ class Engine:
             },
         )
         try:
-            self._create_views(sources)
+            build_database(self._connection, sources)
             self._lock(sources)
         except duckdb.Error as error:
             raise QueryError(
@@ -115,17 +115,6 @@ class Engine:
                 cursor, lambda: cursor.sql(statement, params=bound).to_arrow_reader(_BATCH_ROWS)
             )
         return Stream(cursor, statement, reader)
-
-    def _create_views(self, sources: Mapping[str, TableSource]) -> None:
-        """Create the documented view of every table."""
-        connection = self._connection
-        connection.execute(f"CREATE SCHEMA {INTERNAL}")
-        for name, table in helper_tables(sources):
-            connection.register("incoming", table)
-            connection.execute(f"CREATE TABLE {INTERNAL}.{name} AS SELECT * FROM incoming")
-            connection.unregister("incoming")
-        for name, source in sources.items():
-            connection.execute(";".join([view_sql(name, source), *comments_sql(name)]))
 
     def _lock(self, sources: Mapping[str, TableSource]) -> None:
         """Leave the snapshot's files as the only ones that can be opened, for good."""

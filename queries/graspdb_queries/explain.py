@@ -3,6 +3,7 @@
 import re
 from typing import Final
 
+from graspdb_queries.joins import views
 from graspdb_schemas.errors import QueryError, nearest
 from graspdb_schemas.tables import TABLES
 
@@ -34,11 +35,13 @@ def query_error(message: str, statement: str = "") -> QueryError:
         return QueryError(shown, "A query reads the tables of the database, and nothing outside of it.")
     if match := _TABLE.search(message):
         name = next(filter(None, match.groups()))
-        return QueryError(shown, f"The tables are {', '.join(TABLES)}{nearest(name, list(TABLES))}")
+        names = [*TABLES, *views()]
+        return QueryError(shown, f"The tables are {', '.join(names)}{nearest(name, names)}")
     if match := _COLUMN.search(message):
         name = next(filter(None, match.groups()))
-        named = [table for table in TABLES if re.search(rf"\b{table}\b", statement, re.IGNORECASE)]
-        columns = sorted({column for table in named or TABLES for column in TABLES[table].names})
+        schemas = {**TABLES, **{view.name: view.schema for view in views().values()}}
+        named = [table for table in schemas if re.search(rf"\b{table}\b", statement, re.IGNORECASE)]
+        columns = sorted({column for table in named or schemas for column in schemas[table].names})
         listed = f"Columns of {', '.join(named)}: {', '.join(columns)}" if named else "No table has it"
         return QueryError(shown, f"{listed}{nearest(name, columns)}")
     suggestion = next((line for line in lines[1:] if line.startswith("Did you mean")), None)

@@ -10,23 +10,36 @@ The head of ``sql/<name>.sql`` is a comment::
     -- Columns:
     --   name  what it holds
     --
+    -- Computed by: module.function
+    --
+    -- Example: name=value name=value
+    --
     -- Anything else to know.
 
-A kind is text, integer, number or boolean; a parameter without a default must be given.
+A kind is text, integer, number, boolean, or the allowed words with | between them; a parameter without a
+default must be given. Where a head says by what the answer is computed, the rows of the SQL go through that
+function of graspdb_queries, and the columns are those of what it returns. The example is shown in the docs.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
-from typing import Any, Final
+from importlib import import_module, resources
+from typing import TYPE_CHECKING, Any, Final
 
 from graspdb_schemas.errors import ParameterError, nearest
 
+if TYPE_CHECKING:
+    from graspdb_queries.engine import Engine
+    from graspdb_queries.result import Result
+
 _BOOLEANS: Final = {"true": True, "false": False, "yes": True, "no": False}
-_PARAMETER: Final = re.compile(r"(\w+)\s+(text|integer|number|boolean)(?:\s*=\s*(\S+))?\s+(.+)")
+_PARAMETER: Final = re.compile(r"(\w+)\s+(text|integer|number|boolean|\w+(?:\|\w+)+)(?:\s*=\s*(\S+))?\s+(.+)")
 _COLUMN: Final = re.compile(r"(\w+)\s+(.+)")
+_COMPUTED: Final = "Computed by: "
+_EXAMPLE: Final = "Example: "
 
 
 @dataclass(frozen=True)
@@ -36,7 +49,7 @@ class Parameter:
     Attributes
     ----------
     name, kind, doc : str
-        Its name; text, integer, number or boolean; what it does.
+        Its name; text, integer, number, boolean or words with | between them; what it does.
     default : value or None
         Used where it is not given.
     required : bool
@@ -58,13 +71,27 @@ class Parameter:
             The value is not of this kind.
         """
         if given is None:
+            if self.required:
+                raise ParameterError(f"parameter {self.name}", "no value", self.doc)
             return None
+        if "|" in self.kind:
+            words = self.kind.split("|")
+            if given not in words:
+                raise ParameterError(
+                    f"parameter {self.name}", given, ", ".join(words) + nearest(str(given), words)
+                )
+            return given
         try:
             if self.kind == "text":
                 return str(given)
             if self.kind == "boolean":
                 return given if isinstance(given, bool) else _BOOLEANS[str(given).lower()]
-            return int(str(given)) if self.kind == "integer" else float(given)
+            if self.kind == "integer":
+                return int(str(given))
+            number = float(given)
+            if math.isnan(number):
+                raise ValueError
+            return number
         except (KeyError, TypeError, ValueError):
             raise ParameterError(f"parameter {self.name}", given, f"a value of kind {self.kind}") from None
 
@@ -95,6 +122,10 @@ class NamedQuery:
         What else there is to know.
     sql : str
         The statement.
+    computed_by : str
+        ``module.function`` of graspdb_queries that the statement's rows go through; empty if none.
+    example : tuple of (str, str)
+        Parameters of the example in the docs.
     """
 
     name: str
@@ -103,6 +134,8 @@ class NamedQuery:
     columns: tuple[Column, ...]
     notes: str
     sql: str
+    computed_by: str = ""
+    example: tuple[tuple[str, str], ...] = ()
 
     def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return a value for every parameter.
@@ -117,10 +150,28 @@ class NamedQuery:
             if name not in known:
                 allowed = ", ".join(known) or "none"
                 raise ParameterError(f"parameter of {self.name}", name, allowed + nearest(name, list(known)))
-        for parameter in self.parameters:
-            if parameter.required and parameter.name not in given:
-                raise ParameterError(f"parameter {parameter.name}", "no value", parameter.doc)
         return {name: known[name].value(given.get(name, known[name].default)) for name in known}
+
+    def run(self, engine: "Engine", given: Mapping[str, Any]) -> "Result":
+        """Return the answer.
+
+        Raises
+        ------
+        ParameterError
+            A parameter is unknown, missing, of the wrong kind or out of range.
+        QueryError
+            What the database holds does not allow an answer.
+        """
+        bound = self.bind(given)
+        in_sql = {name: value for name, value in bound.items() if re.search(rf"\${name}\b", self.sql)}
+        if not self.computed_by:
+            return engine.sql(self.sql, in_sql)
+        from graspdb_queries.result import Result
+
+        module, _, function = self.computed_by.rpartition(".")
+        compute = getattr(import_module(f"graspdb_queries.{module}"), function)
+        with engine.stream(self.sql, in_sql) as rows:
+            return Result(compute(rows, bound))
 
 
 def parse_query(name: str, text: str) -> NamedQuery:
@@ -135,18 +186,32 @@ def parse_query(name: str, text: str) -> NamedQuery:
     n_head = next((i for i, line in enumerate(lines) if not line.startswith("--")), len(lines))
     paragraphs = "\n".join(line[2:].removeprefix(" ").rstrip() for line in lines[:n_head]).split("\n\n")
     title, parameters, columns, notes = paragraphs[0].replace("\n", " "), [], [], []
+    computed_by, example = "", ""
     for paragraph in paragraphs[1:]:
         heading, *entries = paragraph.splitlines()
         if heading == "Parameters:":
             parameters = [_parameter(name, entry) for entry in entries]
         elif heading == "Columns:":
             columns = [Column(*_match(name, _COLUMN, entry)) for entry in entries]
+        elif paragraph.startswith(_COMPUTED):
+            computed_by = paragraph.removeprefix(_COMPUTED)
+        elif paragraph.startswith(_EXAMPLE):
+            example = paragraph.removeprefix(_EXAMPLE)
         else:
             notes.append(paragraph.replace("\n", " "))
     if not title or not columns:
         raise ValueError(f"{name}.sql: its head lacks a title or its columns")
     sql = "\n".join(lines[n_head:]).strip()
-    return NamedQuery(name, title, tuple(parameters), tuple(columns), "\n\n".join(notes), sql)
+    return NamedQuery(
+        name,
+        title,
+        tuple(parameters),
+        tuple(columns),
+        "\n\n".join(notes),
+        sql,
+        computed_by,
+        tuple(_assignment(name, word) for word in example.split()),
+    )
 
 
 @cache
@@ -173,6 +238,13 @@ def _read() -> Iterator[NamedQuery]:
     for file in (resources.files("graspdb_queries") / "sql").iterdir():
         if file.name.endswith(".sql"):
             yield parse_query(file.name.removesuffix(".sql"), file.read_text(encoding="utf-8"))
+
+
+def _assignment(name: str, word: str) -> tuple[str, str]:
+    parameter, equals, value = word.partition("=")
+    if not equals:
+        raise ValueError(f"{name}.sql: {word!r} in the example of its head is not name=value")
+    return parameter, value
 
 
 def _match(name: str, pattern: re.Pattern[str], entry: str) -> tuple[str, ...]:

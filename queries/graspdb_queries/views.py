@@ -1,10 +1,14 @@
-"""SQL that shows a snapshot's Parquet files as documented views."""
+"""SQL that shows a snapshot's Parquet files as documented views, with the functions beside them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+import duckdb
 import pyarrow as pa
 
+from graspdb_queries.joins import views
+from graspdb_queries.macros import macros_sql
+from graspdb_queries.quoting import identifier, literal
 from graspdb_queries.source import TableSource
 from graspdb_schemas.tables import TABLE_DOCS, TABLES, doc_of, unit_of
 
@@ -12,17 +16,25 @@ INTERNAL: Final = "internal"
 """Schema that holds what the views are made of."""
 
 
-def identifier(name: str) -> str:
-    """Return a name as an SQL identifier."""
-    return '"' + name.replace('"', '""') + '"'
+def build_database(connection: duckdb.DuckDBPyConnection, sources: Mapping[str, TableSource]) -> None:
+    """Create the documented functions and views of a database in an empty DuckDB database.
+
+    Parameters
+    ----------
+    connection : duckdb.DuckDBPyConnection
+        The empty database.
+    sources : mapping of str to TableSource
+        Files and committed rows of each table.
+    """
+    connection.execute(f"CREATE SCHEMA {INTERNAL}")
+    for name, table in _helper_tables(sources):
+        connection.register("incoming", table)
+        connection.execute(f"CREATE TABLE {INTERNAL}.{name} AS SELECT * FROM incoming")
+        connection.unregister("incoming")
+    connection.execute(";".join(["BEGIN", *_statements(sources), "COMMIT"]))
 
 
-def literal(text: str) -> str:
-    """Return a text as an SQL literal."""
-    return "'" + text.replace("'", "''") + "'"
-
-
-def helper_tables(sources: Mapping[str, TableSource]) -> Iterator[tuple[str, pa.Table]]:
+def _helper_tables(sources: Mapping[str, TableSource]) -> Iterator[tuple[str, pa.Table]]:
     """Yield name and content of the tables that the views are made of."""
     for name, source in sources.items():
         if source.mixed_files:
@@ -52,10 +64,21 @@ def view_sql(name: str, source: TableSource) -> str:
     return f"CREATE VIEW {identifier(name)} AS {rows}"
 
 
-def comments_sql(name: str) -> Iterator[str]:
-    """Yield the statements that document a table's view and columns."""
-    yield f"COMMENT ON VIEW {identifier(name)} IS {literal(TABLE_DOCS[name])}"
-    for field in TABLES[name]:
+def _statements(sources: Mapping[str, TableSource]) -> Iterator[str]:
+    """Yield the statements that create and document all functions and views of a database."""
+    yield from macros_sql()
+    for name, source in sources.items():
+        yield view_sql(name, source)
+        yield from _comments(name, TABLE_DOCS[name], TABLES[name])
+    for view in views().values():
+        yield view.sql
+        yield from _comments(view.name, view.doc, view.schema)
+
+
+def _comments(name: str, doc: str, schema: pa.Schema) -> Iterator[str]:
+    """Yield the statements that document a view and its columns."""
+    yield f"COMMENT ON VIEW {identifier(name)} IS {literal(doc)}"
+    for field in schema:
         unit = unit_of(field)
         text = doc_of(field) + (f" [{unit}]" if unit else "")
         yield f"COMMENT ON COLUMN {identifier(name)}.{identifier(field.name)} IS {literal(text)}"

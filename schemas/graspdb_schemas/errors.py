@@ -83,6 +83,14 @@ class HandModelError(GraspDBError):
         super().__init__(f"{found}. {remedy}")
 
 
+class HandFileError(HandModelError):
+    """A file does not hold a hand model that tracking can use."""
+
+    def __init__(self, path: Path, found: str, remedy: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: {found}", remedy)
+
+
 class TrackingError(GraspDBError):
     """A hand cannot be followed, or its calibration cannot be found, in the markers given."""
 

@@ -1,7 +1,7 @@
 """A session as its manifest describes it, in SI units and absolute paths."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,20 +46,23 @@ class Subject:
         Key in the manifest.
     sides : tuple of Side
         The recorded hands.
-    hand_length, hand_breadth : float
-        Wrist crease to tip of the middle finger; breadth over the knuckles [m].
+    hand_length, hand_breadth : float or None
+        Wrist crease to tip of the middle finger; breadth over the knuckles [m]. None only beside models.
     joint_thickness : mapping of str to float
         Caliper thickness by site [m], any subset.
     calibration : tuple of Path
         Recordings to calibrate from; empty for the session's own trials.
+    models : mapping of Side to Path
+        MJCF files of another kind of hand, by the hand that they show; empty for a human hand.
     """
 
     name: str
     sides: tuple[Side, ...]
-    hand_length: float
-    hand_breadth: float
+    hand_length: float | None
+    hand_breadth: float | None
     joint_thickness: Mapping[str, float]
     calibration: tuple[Path, ...] = ()
+    models: Mapping[Side, Path] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,10 @@ class SessionObject:
         Marker positions in the mesh's frame [m].
     mass : float or None
         Mass [kg].
+    friction : float or None
+        Coefficient of friction between skin and object.
+    center_of_mass : tuple of float or None
+        Center of mass in the mesh's frame [m].
     category : str or None
         Kind of object.
     """
@@ -88,6 +95,8 @@ class SessionObject:
     markers: Mapping[str, Vector]
     mass: float | None = None
     category: str | None = None
+    friction: float | None = None
+    center_of_mass: Vector | None = None
 
 
 @dataclass(frozen=True)
@@ -136,6 +145,25 @@ class SessionTrial:
 
 
 @dataclass(frozen=True)
+class Glove:
+    """The data glove of a session.
+
+    Attributes
+    ----------
+    units : str or None
+        ``deg`` or ``rad``, for files whose titles do not say it.
+    rate : float or None
+        Samples per second, for files without a column of times [Hz].
+    names : mapping of str to str
+        Column in the files -> joint of the hand, where they differ.
+    """
+
+    units: str | None = None
+    rate: float | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Session:
     """A session: who grasped what, recorded where.
 
@@ -162,6 +190,8 @@ class Session:
         The recordings.
     raw : mapping
         The manifest as it was read.
+    glove : Glove
+        What files of data gloves do not say.
     """
 
     path: Path
@@ -175,6 +205,7 @@ class Session:
     objects: Mapping[str, SessionObject]
     trials: tuple[SessionTrial, ...]
     raw: Mapping[str, Any]
+    glove: Glove = field(default_factory=Glove)
 
     def sides_of(self, trial: SessionTrial) -> tuple[Side, ...]:
         """Return the hands in a trial's recording: what the trial says, else what its subject does."""

@@ -18,6 +18,7 @@ from graspdb_schemas.vocabulary import (
     DIGIT_OF_SITE,
     FOREARM_MARKERS,
     SEGMENT_OF_SITE,
+    SEGMENTS,
     SEGMENTS_OF_DIGIT,
     SITES,
     Side,
@@ -28,6 +29,8 @@ _HAND_BREADTH: Final = (0.02, 0.20)
 _THICKNESS: Final = (0.003, 0.06)
 _MARKER_REACH: Final = (0.0, 5.0)
 _MASS: Final = 200.0
+_FRICTION: Final = 4.0
+"""More than skin has on any dry solid."""
 _OFF_LINE: Final = 0.001
 """Markers nearer than this to one line fix no rotation [m]."""
 
@@ -53,6 +56,8 @@ def value_problems(manifest: Mapping[str, Any]) -> Iterator[Problem]:
         yield from _sizes(manifest, str(units))
     yield from _placements(manifest)
     yield from _marker_names(manifest)
+    for name, entry in table(manifest.get("subjects")).items():
+        yield from _model(f"subjects.{name}", table(entry))
     for name, entry in table(manifest.get("objects")).items():
         yield from _object(f"objects.{name}", table(entry), set(hand_labels(manifest)), metres)
     yield from _trials(manifest)
@@ -111,13 +116,32 @@ def _object_labels(manifest: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _placements(manifest: Mapping[str, Any]) -> Iterator[Problem]:
+    foreign = any("model" in table(entry) for entry in table(manifest.get("subjects")).values())
     for label, entry in table(manifest.get("marker_set")).items():
         at, segment = table(entry).get("at"), table(entry).get("segment")
+        if isinstance(segment, str) and segment and segment not in SEGMENTS and not foreign:
+            allowed = ", ".join(SEGMENTS) + nearest(segment, SEGMENTS)
+            yield Problem(f"marker_set.{label}.segment", repr(segment), allowed)
+            continue
         if isinstance(at, str) and at in SEGMENT_OF_SITE and isinstance(segment, str):
             carriers = _carriers(at)
             if segment not in carriers:
                 allowed = f"a segment beside {at}: {' or '.join(carriers)}"
                 yield Problem(f"marker_set.{label}.segment", repr(segment), allowed)
+
+
+def _model(key: str, subject: Mapping[str, Any]) -> Iterator[Problem]:
+    model = subject.get("model")
+    if model is None:
+        return
+    if isinstance(model, str) and subject.get("hand") == "both":
+        allowed = (
+            "the hand that the file shows, {right: file} or {left: file}, the other being its mirror image"
+        )
+        yield Problem(f"{key}.model", repr(model), allowed)
+    if "joint_thickness" in subject:
+        allowed = "nothing beside a model, whose sites have their own sizes"
+        yield Problem(f"{key}.joint_thickness", "a table", allowed)
 
 
 def _carriers(site: str) -> tuple[str, ...]:
@@ -145,6 +169,9 @@ def _object(key: str, entry: Mapping[str, Any], taken: set[str], metres: float |
     mass = _number(entry.get("mass"))
     if mass is not None and mass > _MASS:
         yield Problem(f"{key}.mass", f"{mass:g} kg", f"up to {_MASS:g} kg; is it in grams?")
+    friction = _number(entry.get("friction"))
+    if friction is not None and friction > _FRICTION:
+        yield Problem(f"{key}.friction", f"{friction:g}", f"up to {_FRICTION:g}; is it in percent?")
     positions = {label: place for label, raw in markers.items() if (place := vector(raw)) is not None}
     if metres is not None and len(positions) == len(markers) >= 3:
         yield from _shape(f"{key}.markers", list(positions), metres * np.array(list(positions.values())))

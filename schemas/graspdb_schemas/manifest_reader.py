@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from graspdb_schemas.errors import ManifestError, ParameterError, Problem
 from graspdb_schemas.manifest import (
+    Glove,
     MarkerPlacement,
     Session,
     SessionObject,
@@ -94,6 +95,10 @@ class _Files:
             files = table(entry).get("calibration")
             for index, file in enumerate(files if isinstance(files, list) else []):
                 self._add(f"subjects.{name}.calibration[{index}]", file)
+            model = table(entry).get("model")
+            self._add(f"subjects.{name}.model", model)
+            for side in Side:
+                self._add(f"subjects.{name}.model.{side}", table(model).get(side))
         for name, entry in table(manifest.get("objects")).items():
             self._add(f"objects.{name}.mesh", table(entry).get("mesh"))
         trials = manifest.get("trials")
@@ -157,6 +162,7 @@ class _Builder:
             objects={name: self._object(name, entry) for name, entry in raw.get("objects", {}).items()},
             trials=tuple(self._trial(i, entry) for i, entry in enumerate(raw["trials"])),
             raw=raw,
+            glove=Glove(**raw.get("glove", {})),
         )
 
     def _vector(self, value: list[float]) -> Vector:
@@ -179,13 +185,23 @@ class _Builder:
         return Subject(
             name=name,
             sides=_SIDES[entry["hand"]],
-            hand_length=entry["hand_length"] * self._metres,
-            hand_breadth=entry["hand_breadth"] * self._metres,
+            hand_length=self._length(entry.get("hand_length")),
+            hand_breadth=self._length(entry.get("hand_breadth")),
             joint_thickness={site: value * self._metres for site, value in thickness.items()},
             calibration=tuple(
                 self._paths[f"subjects.{name}.calibration[{i}]"] for i in range(len(calibration))
             ),
+            models=self._models(name, entry),
         )
+
+    def _length(self, value: float | None) -> float | None:
+        return None if value is None else value * self._metres
+
+    def _models(self, name: str, entry: Mapping[str, Any]) -> dict[Side, Path]:
+        key = f"subjects.{name}.model"
+        if key in self._paths:  # of the subject's one hand
+            return {_SIDES[entry["hand"]][0]: self._paths[key]}
+        return {side: self._paths[f"{key}.{side}"] for side in Side if f"{key}.{side}" in self._paths}
 
     def _object(self, name: str, entry: Mapping[str, Any]) -> SessionObject:
         mesh = self._paths[f"objects.{name}.mesh"]
@@ -198,6 +214,8 @@ class _Builder:
             markers={label: self._vector(place) for label, place in entry["markers"].items()},
             mass=entry.get("mass"),
             category=entry.get("category"),
+            friction=entry.get("friction"),
+            center_of_mass=self._vector(entry["center_of_mass"]) if "center_of_mass" in entry else None,
         )
 
     def _trial(self, index: int, entry: Mapping[str, Any]) -> SessionTrial:

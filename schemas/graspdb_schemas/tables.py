@@ -71,6 +71,15 @@ OBJECTS: Final = pa.schema(
         _column("cloud_spacing", pa.float64(), "spacing asked of the cloud", "m"),
         _column("n_points", pa.int32(), "number of points of the cloud"),
         _column("warnings", TEXTS, "what was found wrong with the mesh and put up with"),
+        _column("friction", pa.float64(), "coefficient of friction that grasp quality is computed with"),
+        _column("friction_source", pa.string(), "manifest, or default: the ingest's parameter"),
+        _column("center_of_mass", VECTOR, "in the object frame (3)", "m"),
+        _column(
+            "center_of_mass_source",
+            pa.string(),
+            "manifest; volume: centroid of the closed mesh; area: centroid of the surface",
+        ),
+        _column("radius", pa.float64(), "largest distance of the surface from the center of mass", "m"),
         _INGEST_ID,
     ]
 )
@@ -161,6 +170,12 @@ FRAMES: Final = pa.schema(
         ),
         _column("q_sd", VECTOR32, "standard deviation of each degree of freedom (29)", "m, rad"),
         _column("sites", MATRIX, "centres of the 20 spheres in the lab frame (20, 3)", "m"),
+        _column(
+            "sites_sd",
+            VECTOR32,
+            "standard deviation of each site in space, root of the trace of its covariance (20)",
+            "m",
+        ),
         _column("object_position", VECTOR, "origin of the object frame in the lab frame (3)", "m"),
         _column("object_quaternion", VECTOR, "world_from_object rotation, w x y z (4)"),
         _column(
@@ -195,7 +210,11 @@ GRASPS: Final = pa.schema(
         _OBJECT,
         _column("task", pa.string(), "task that the manifest gives"),
         _column("repetition", pa.int32(), "repetition that the manifest gives"),
-        _column("snapshot_kind", pa.string(), "lift_onset, or steadiest where there is no lift"),
+        _column(
+            "snapshot_kind",
+            pa.string(),
+            "lift_onset, steadiest where there is no lift, or static where there is one instant alone",
+        ),
         _column("snapshot_frame", pa.int32(), "frame of the snapshot"),
         _column("snapshot_time", pa.float64(), "time of the snapshot", "s"),
         _column("onset_time", pa.float64(), "first contact of this hold", "s"),
@@ -216,7 +235,12 @@ GRASPS: Final = pa.schema(
         _column("sphere_volume", pa.float64(), "volume of their least sphere", "m3"),
         _column("feature_points", pa.int32(), "number of object points in the enclosing space"),
         _column("feature_area", pa.float64(), "surface area of the graspable feature", "m2"),
-        _column("quality", pa.map_(pa.string(), pa.float64()), "grasp quality indices by name"),
+        _column(
+            "quality",
+            pa.map_(pa.string(), pa.float64()),
+            "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
+        ),
+        _column("force_closure", pa.bool_(), "whether the contacts resist every force and torque"),
         _INGEST_ID,
     ]
 )
@@ -287,6 +311,16 @@ CONTACT_MAPS: Final = pa.schema(
     ]
 )
 
+REFERENCE_CONTACTS: Final = pa.schema(
+    [
+        _TRIAL,
+        _column("time", pa.float64(), "time on the recording's clock", "s"),
+        _column("digit", pa.string(), "digit that pressed", nullable=False),
+        _column("position", VECTOR, "measured centre of pressure, object frame (3)", "m"),
+        _INGEST_ID,
+    ]
+)
+
 TABLES: Final[dict[str, pa.Schema]] = {
     "sessions": SESSIONS,
     "subjects": SUBJECTS,
@@ -301,6 +335,7 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "features": FEATURES,
     "contact_events": CONTACT_EVENTS,
     "contact_maps": CONTACT_MAPS,
+    "reference_contacts": REFERENCE_CONTACTS,
 }
 """Every table by name."""
 
@@ -315,6 +350,7 @@ TRIAL_TABLES: Final = (
     "features",
     "contact_events",
     "contact_maps",
+    "reference_contacts",
 )
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
@@ -335,6 +371,7 @@ TABLE_DOCS: Final[dict[str, str]] = {
     "features": "one row a grasp: enclosing space and graspable feature",
     "contact_events": "one row a contact of one site, from onset to release",
     "contact_maps": "one row a grasp: the object's points near the hand, and how near",
+    "reference_contacts": "one row a measured centre of pressure of a digit",
 }
 """What one row of each table stands for."""
 

@@ -1,7 +1,7 @@
 """A hand model that can be asked where its sites and markers are, and how they move."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -76,6 +76,8 @@ class HandModel:
         The model in MuJoCo's XML.
     markers : tuple of str
         Labels of the markers, in the order that arrays of markers have.
+    foreign : bool
+        Whether a file gave it, so that names of its joints and segments say nothing of human anatomy.
 
     Raises
     ------
@@ -87,6 +89,7 @@ class HandModel:
     side: Side
     mjcf: str
     markers: tuple[str, ...]
+    foreign: bool = False
 
     def __post_init__(self) -> None:
         model = self.mujoco_model
@@ -106,7 +109,7 @@ class HandModel:
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"side": self.side, "mjcf": self.mjcf, "markers": self.markers}
+        return {name: getattr(self, name) for name in ("side", "mjcf", "markers", "foreign")}
 
     @cached_property
     def mujoco_model(self) -> mujoco.MjModel:
@@ -210,6 +213,15 @@ class HandModel:
         """Return d(marker) / d(degree of freedom), shape (n_markers, 3, n_dof)."""
         return self._jacobian(q, self.marker_ids)
 
+    def palm(self, q: Floats) -> tuple[Floats, Floats]:
+        """Return position (3,) and rotation (3, 3) of the palm: the segment ``hand``, else the root."""
+        model, data = self.mujoco_model, mujoco.MjData(self.mujoco_model)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        hand = mujoco.mj_name2id(model, _BODY, "hand")
+        body = hand if hand >= 0 else int(model.jnt_bodyid[0])
+        return np.array(data.xpos[body]), np.array(data.xmat[body]).reshape(3, 3)
+
     def integrate(self, q: Floats, step: Floats) -> Floats:
         """Return `q` moved by a step in the degrees of freedom, shape (n_q,).
 
@@ -242,7 +254,7 @@ class HandModel:
         for name, position in shape.site_positions.items():
             spec.site(name).pos = position
         spec.compile()
-        return HandModel(side=self.side, mjcf=spec.to_xml(), markers=self.markers)
+        return replace(self, mjcf=spec.to_xml())
 
     def write(self, path: Path) -> None:
         """Write the MJCF to a file that any MuJoCo viewer opens."""

@@ -56,11 +56,12 @@ class PosturePrior:
 def default_prior(hand: HandModel) -> PosturePrior:
     """Return the prior for a hand by the names of its joints.
 
-    A joint with a name of its own (another kind of hand) gets the middle of its range and a
-    quarter of it as its spread.
+    Each joint of another kind of hand gets the middle of its range and a quarter of it as its spread.
     """
     limits = hand.joint_range
     mean, spread = limits.mean(axis=1), np.diff(limits, axis=1)[:, 0] / 4
+    if hand.foreign:
+        return PosturePrior(mean=mean, covariance=np.diag(spread**2))
     for i, joint in enumerate(hand.joints):
         if joint in MEAN_AND_SPREAD:
             mean[i], spread[i] = np.deg2rad(MEAN_AND_SPREAD[joint])

@@ -75,6 +75,7 @@ _BUILDERS: Final[dict[str, Callable[[HandPoints], Parts]]] = {
     "skin": _skin,
 }
 
+PAPER_SURFACE: Final = "spheres"
 SURFACES: Final = tuple(_BUILDERS)
 """Names of the surfaces, each one inside the next."""
 

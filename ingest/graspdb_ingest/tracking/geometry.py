@@ -61,7 +61,7 @@ class HandGeometry:
     @cached_property
     def anatomical(self) -> bool:
         """Whether the hand has the segments of a human hand, so that its bones may be scaled."""
-        return self.hand.segments == SEGMENTS
+        return self.hand.segments == SEGMENTS and not self.hand.foreign
 
     @cached_property
     def marker_sd(self) -> Floats:

@@ -7,6 +7,7 @@ So a joint that no marker shows goes where joints go, and its standard deviation
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,19 +41,36 @@ class MotionModel:
 
     def predict_covariance(self, covariance: Floats) -> Floats:
         """Return A P A^T + Q, shape (2 * n_dof, 2 * n_dof)."""
-        n = len(self.position_position)
-        upper = self.position_position[:, None] * covariance[:n]
-        upper += self.position_velocity[:, None] * covariance[n:]
-        lower = self.velocity_position[:, None] * covariance[:n]
-        lower += self.velocity_velocity[:, None] * covariance[n:]
-        predicted = np.empty_like(covariance)
-        for rows, half in ((slice(None, n), upper), (slice(n, None), lower)):
-            predicted[rows, :n] = half[:, :n] * self.position_position
-            predicted[rows, :n] += half[:, n:] * self.position_velocity
-            predicted[rows, n:] = half[:, :n] * self.velocity_position
-            predicted[rows, n:] += half[:, n:] * self.velocity_velocity
+        predicted = _congruent(covariance, self._forward)
         predicted += self.noise
         return predicted
+
+    def adjoint(self, vector: Floats) -> Floats:
+        """Return A^T x, shape (2 * n_dof,)."""
+        of_position, of_velocity = vector.reshape(2, -1)
+        return np.concatenate(
+            [
+                self.position_position * of_position + self.velocity_position * of_velocity,
+                self.position_velocity * of_position + self.velocity_velocity * of_velocity,
+            ]
+        )
+
+    def adjoint_matrix(self, matrix: Floats) -> Floats:
+        """Return A^T X A of a symmetric X, shape (2 * n_dof, 2 * n_dof)."""
+        return _congruent(matrix, self._backward)
+
+    @cached_property
+    def _forward(self) -> Floats:
+        return np.array(
+            [
+                [self.position_position, self.position_velocity],
+                [self.velocity_position, self.velocity_velocity],
+            ]
+        )
+
+    @cached_property
+    def _backward(self) -> Floats:
+        return np.ascontiguousarray(self._forward.transpose(1, 0, 2))
 
     def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Return the change of position over the step, and the velocity after it, each (n_dof,).
@@ -105,3 +123,17 @@ def motion_model(
         noise=(noise + noise.T) / 2,
         stationary=stationary,
     )
+
+
+def _congruent(matrix: Floats, blocks: Floats) -> Floats:
+    """Return B X B^T for symmetric X and the four diagonals of B, shape (2, 2, n)."""
+    n = len(matrix) // 2
+    left = blocks[:, 0, :, None] * matrix[:n]
+    left += blocks[:, 1, :, None] * matrix[n:]
+    result = np.empty_like(matrix)
+    for rows, half in ((slice(None, n), left[0]), (slice(n, None), left[1])):
+        result[rows, :n] = half[:, :n] * blocks[0, 0]
+        result[rows, :n] += half[:, n:] * blocks[0, 1]
+        result[rows, n:] = half[:, :n] * blocks[1, 0]
+        result[rows, n:] += half[:, n:] * blocks[1, 1]
+    return result

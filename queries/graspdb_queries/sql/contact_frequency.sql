@@ -12,6 +12,8 @@
 --   n_contacts  grasps in which the site touches
 --   frequency   share of the grasps in which the site touches
 --
+-- Example: object=mug
+--
 -- Sites that never touch an object are left out.
 
 WITH chosen AS (

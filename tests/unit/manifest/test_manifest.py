@@ -13,7 +13,7 @@ from graspdb_schemas.errors import ManifestError, ParameterError, Problem
 from graspdb_schemas.manifest_reader import parse_manifest
 from graspdb_schemas.manifest_schema import session_schema
 from graspdb_schemas.units import METRES_PER, metres_per
-from graspdb_schemas.vocabulary import FOREARM_MARKERS, SEGMENT_OF_SITE, SEGMENTS, SITES, Side
+from graspdb_schemas.vocabulary import FOREARM_MARKERS, SEGMENT_OF_SITE, SITES, Side
 
 GOOD: dict[str, Any] = {
     "graspdb_session": 1,
@@ -385,7 +385,6 @@ def test_the_schema_is_one_and_knows_the_words_of_the_vocabulary() -> None:
     Draft202012Validator.check_schema(schema)
     definitions = schema["$defs"]
     assert tuple(definitions["placement"]["properties"]["at"]["enum"]) == SITES
-    assert tuple(definitions["placement"]["properties"]["segment"]["enum"]) == SEGMENTS
     assert tuple(definitions["subject"]["properties"]["joint_thickness"]["propertyNames"]["enum"]) == SITES
     assert schema["properties"]["units"]["enum"] == list(METRES_PER)
     for name in ("placement", "subject", "object", "trial"):
@@ -396,3 +395,64 @@ def test_units_in_long_and_short() -> None:
     assert metres_per("Millimeters") == metres_per(" MM ") == 0.001
     assert metres_per("metre") == metres_per("Meters") == 1.0
     assert metres_per("parsec") is None
+
+
+def with_model(folder: Path, model: object, hand: str = "right", **more: object) -> dict[str, Any]:
+    (folder / "hands").mkdir(exist_ok=True)
+    (folder / "hands/monkey.xml").write_text("<mujoco/>")
+    manifest = copy.deepcopy(GOOD)
+    manifest["subjects"]["s1"] = {"hand": hand, "model": model, **more}
+    return manifest
+
+
+def test_a_subject_may_bring_a_model_of_its_hand_instead_of_measures(folder: Path) -> None:
+    manifest = with_model(folder, "hands/monkey.xml")
+    manifest["marker_set"] = {"a": {"segment": "any_body", "offset": [1, 2, 3]}}
+    del manifest["marker_names"]
+    write(folder, manifest)
+    subject = parse_manifest(folder).subjects["s1"]
+    assert subject.models == {Side.RIGHT: (folder / "hands/monkey.xml").resolve()}
+    assert (subject.hand_length, subject.hand_breadth) == (None, None)
+
+
+def test_a_model_of_one_hand_stands_for_both(folder: Path) -> None:
+    write(folder, with_model(folder, {"left": "hands/monkey.xml"}, hand="both", hand_length=70))
+    subject = parse_manifest(folder).subjects["s1"]
+    assert subject.sides == (Side.RIGHT, Side.LEFT)
+    assert tuple(subject.models) == (Side.LEFT,)
+    assert subject.hand_length == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize(
+    ("model", "hand", "more", "key", "words"),
+    [
+        ("hands/ape.xml", "right", {}, "subjects.s1.model", "does not exist"),
+        ("../monkey.xml", "right", {}, "subjects.s1.model", "climbs"),
+        ({"right": "/etc/hosts"}, "right", {}, "subjects.s1.model.right", "absolute"),
+        ("hands/monkey.xml", "both", {}, "subjects.s1.model", "mirror image"),
+        ({}, "right", {}, "subjects.s1.model", "at least 1"),
+        ({"thumb": "hands/monkey.xml"}, "right", {}, "subjects.s1.model.thumb", "not known"),
+        (3, "right", {}, "subjects.s1.model", "text"),
+        (
+            "hands/monkey.xml",
+            "right",
+            {"joint_thickness": {"index_pip": 10}},
+            "subjects.s1.joint_thickness",
+            "sizes",
+        ),
+    ],
+)
+def test_a_model_that_cannot_be_meant_is_named(
+    folder: Path, model: object, hand: str, more: dict[str, Any], key: str, words: str
+) -> None:
+    problems = problems_of(folder, with_model(folder, model, hand, **more))
+    assert [problem.key for problem in problems] == [key]
+    assert words in str(problems[0])
+
+
+def test_a_segment_that_no_human_hand_has_is_named_where_no_subject_has_a_model(folder: Path) -> None:
+    manifest = changed("marker_set", {"a": {"segment": "index_middel", "offset": "calibrate"}})
+    manifest["marker_names"] = {}
+    (problem,) = problems_of(folder, manifest)
+    assert problem.key == "marker_set.a.segment"
+    assert "did you mean 'index_middle'" in problem.allowed

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from graspdb_queries import joins
 from graspdb_queries.engine import Engine
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import ParameterError, QueryError
@@ -68,10 +69,12 @@ def test_a_table_without_files_has_its_columns_and_no_rows(engine: Engine) -> No
 
 def test_views_and_columns_are_documented(engine: Engine) -> None:
     views = dict(engine.sql("SELECT view_name, comment FROM duckdb_views() WHERE NOT internal").rows())
-    assert views == TABLE_DOCS
+    beside = joins.views().values()
+    assert views == {**TABLE_DOCS, **{view.name: view.doc for view in beside}}
     comments = engine.sql("SELECT table_name, column_name, comment FROM duckdb_columns() WHERE NOT internal")
-    found = {(table, column): comment for table, column, comment in comments.rows() if table in TABLES}
-    for name, schema in TABLES.items():
+    found = {(table, column): comment for table, column, comment in comments.rows() if table in views}
+    for name, schema in {**TABLES, **{view.name: view.schema for view in beside}}.items():
+        assert engine.sql(f"SELECT * FROM {name}").columns == tuple(schema.names)
         for field in schema:
             assert found[name, field.name].startswith(doc_of(field))
 
@@ -127,6 +130,14 @@ ATTACKS = [
     "SELECT * FROM sniff_csv('{outside}/secret.csv')",
     "SELECT * FROM parquet_metadata('{outside}/secret.parquet')",
     "SELECT * FROM parquet_schema('{outside}/secret.parquet')",
+    "SELECT * FROM parquet_file_metadata('{outside}/secret.parquet')",
+    "SELECT * FROM parquet_kv_metadata('{outside}/secret.parquet')",
+    "SELECT * FROM read_ndjson('{outside}/secret.csv')",
+    "SELECT * FROM read_text(['{outside}/secret.csv'])",
+    "SELECT * FROM read_text('file://{outside}/secret.csv')",
+    "SELECT * FROM query_table('{outside}/secret.csv')",
+    "SELECT (SELECT content FROM read_text('{outside}/secret.csv')) FROM contacts",
+    "SELECT site_index(content) FROM read_text('{outside}/secret.csv')",
     "SELECT * FROM read_csv('https://example.org/x.csv')",
     "SELECT * FROM query('SELECT * FROM read_text(''{outside}/secret.csv'')')",
     "SELECT * FROM (SELECT content FROM read_text('{outside}/secret.csv')) WHERE 1 IN (SELECT 1)",
@@ -151,6 +162,9 @@ ATTACKS = [
     "SET enable_external_access = true",
     "SET allowed_paths = ['/etc/passwd']",
     "SET temp_directory = '{outside}'",
+    "SET VARIABLE x = 1",
+    "SET SESSION search_path = 'internal'",
+    "SET threads = 1",
     "RESET enable_external_access",
     "PRAGMA enable_profiling",
     "PRAGMA database_list",
@@ -159,6 +173,12 @@ ATTACKS = [
     "CREATE OR REPLACE VIEW contacts AS SELECT 1",
     "CREATE SECRET (TYPE s3)",
     "CREATE MACRO f() AS 1",
+    "CREATE OR REPLACE MACRO norm(v) AS 1",
+    "CREATE TEMP MACRO norm(v) AS 1",
+    "DROP MACRO norm",
+    "DROP TABLE internal.committed_contacts",
+    "INSERT INTO internal.committed_contacts VALUES ('dead')",
+    "COMMENT ON VIEW contacts IS 'x'",
     "DROP VIEW contacts",
     "ALTER VIEW contacts RENAME TO x",
     "INSERT INTO contacts SELECT * FROM contacts",
