@@ -14,6 +14,7 @@ from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.curvature import principal_curvatures
+from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
@@ -38,6 +39,8 @@ class PreparedObject:
         The mesh or cloud as loaded.
     cloud : ObjectCloud
         Evenly spaced points.
+    distance : ObjectDistance
+        How far it is: exact to the mesh, where there is one.
     histograms : ndarray of float32, shape (n_points, 33)
         FPFH of every point.
     marker_labels : tuple of str
@@ -53,6 +56,7 @@ class PreparedObject:
     name: str
     surface: Surface
     cloud: ObjectCloud
+    distance: ObjectDistance
     histograms: NDArray[np.float32]
     marker_labels: tuple[str, ...]
     marker_positions: Floats
@@ -97,6 +101,7 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         name=described.name,
         surface=surface,
         cloud=cloud,
+        distance=ObjectDistance(surface, cloud),
         histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
