@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 from scipy.stats import chi2
 
@@ -53,6 +54,23 @@ class State:
     def position_covariance(self) -> Floats:
         """Covariance of the error in position, shape (n_dof, n_dof)."""
         return np.asarray(self.blocks[2])
+
+
+@dataclass(frozen=True)
+class JointReadings:
+    """Joint angles that were measured in one frame, besides markers.
+
+    Attributes
+    ----------
+    hinges : ndarray of int, shape (k,)
+        Places among the hand's hinges.
+    angles, variance : ndarray, shape (k,)
+        Angles [rad] and the variances of their errors [rad2].
+    """
+
+    hinges: NDArray[np.int64]
+    angles: Floats
+    variance: Floats
 
 
 @dataclass(frozen=True)
@@ -113,6 +131,7 @@ class HandFilter:
         self._prior = prior
         self._weight = 1 / marker_sd**2
         self._gate = float(chi2.ppf(gate, df=3))
+        self._angle_gate = float(chi2.ppf(gate, df=1))
 
     def start(self, q: Floats) -> State:
         """Return a state at a fitted configuration, at rest, with the spread of any hand."""
@@ -130,7 +149,9 @@ class HandFilter:
         blocks = self._motion.predict_covariance(state.blocks, activity)
         return State(self._hand.integrate(state.q, change), velocity, blocks)
 
-    def update(self, state: State, observed: Floats, gated: bool = True) -> Update:
+    def update(
+        self, state: State, observed: Floats, gated: bool = True, readings: JointReadings | None = None
+    ) -> Update:
         """Correct a predicted state by a frame of markers.
 
         Gauss-Newton steps from the prediction, until every marker is linearised near the corrected
@@ -144,6 +165,8 @@ class HandFilter:
             Marker positions [m], NaN where not seen.
         gated : bool
             Whether to leave out markers whose innovation is beyond the gate.
+        readings : JointReadings, optional
+            Joint angles that were measured besides.
 
         Returns
         -------
@@ -153,13 +176,18 @@ class HandFilter:
         seen = visible(observed)
         jacobian, innovation = self._linearise(state.q, observed, seen)
         used = self._passing(state, jacobian, innovation, seen) if gated else seen
-        if not used.any():
+        angles = None if readings is None else self._angles(state, readings)
+        if not used.any() and angles is None:
             return Update(state, used, False, np.zeros((self._n, self._n)), np.zeros(self._n))
         weight = np.where(used, self._weight, 0.0)
         step = np.zeros(2 * self._n)
         for _ in range(MAXIMUM_LINEARISATIONS):
             last = step[: self._n]
             information, gradient = _normal_equations(jacobian, innovation, weight, last)
+            if angles is not None:
+                dofs, precision, innovations = angles
+                information[dofs, dofs] += precision
+                gradient[dofs] += precision * innovations
             at_limit, solved = self._solve(state, information, gradient)
             step = left_half(state.blocks) @ solved[-1]
             if np.abs(step[3 : self._n] - last[3:]).max() < LARGE_STEP:
@@ -172,6 +200,18 @@ class HandFilter:
             _corrected(state.blocks, solved[:-1]),
         )
         return Update(corrected, used, at_limit, solved[:-1], solved[-1])
+
+    def _angles(
+        self, state: State, readings: JointReadings
+    ) -> tuple[NDArray[np.int64], Floats, Floats] | None:
+        """Return degrees of freedom, precisions and innovations of the readings that pass the gate."""
+        dofs = readings.hinges + FREE
+        innovation = readings.angles - state.q[readings.hinges + SEVEN]
+        spread = state.position_covariance[dofs, dofs] + readings.variance
+        passing = innovation**2 <= self._angle_gate * spread
+        if not passing.any():
+            return None
+        return dofs[passing], 1 / readings.variance[passing], innovation[passing]
 
     def _linearise(self, q: Floats, observed: Floats, seen: Bools) -> tuple[Floats, Floats]:
         """Return the markers' Jacobian at a configuration, and how far they are from it (0 where unseen)."""

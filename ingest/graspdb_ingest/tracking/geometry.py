@@ -32,8 +32,9 @@ BASE_JOINT_SD: Final = 0.004
 """Spread of a digit's first joint in the palm, each axis [m]."""
 DIRECTION_SD: Final = {"thumb": np.deg2rad(12), **dict.fromkeys(DIGITS[1:], np.deg2rad(5))}
 """Spread of the direction of a digit's axes [rad]."""
-PLACED_SD: Final = 0.002
-"""Spread of a marker about the place over a joint, or the offset, that the manifest gives [m]."""
+PLACED_SD: Final = (0.002, 0.002, 0.001)
+"""Spread of a marker about the place that the manifest gives [m]: a joint is felt through the skin to some
+millimetres along and across the segment, but its depth under the marker is half a measured thickness."""
 UNKNOWN_SD: Final = {"forearm": 0.06, "hand": 0.04}
 UNKNOWN_DIGIT_SD: Final = 0.012
 """Spread of a marker that calibration has to find about the middle of its segment [m]."""
@@ -65,16 +66,19 @@ class HandGeometry:
 
     @cached_property
     def marker_sd(self) -> Floats:
-        """Prior spread of each marker's place on its segment [m], shape (n_markers,)."""
+        """Prior spread of each marker's place on its segment, each axis [m], shape (n_markers, 3)."""
         placed = (self.placements[label] for label in self.hand.markers)
         return np.array(
-            [UNKNOWN_SD.get(p.segment, UNKNOWN_DIGIT_SD) if p.calibrated else PLACED_SD for p in placed]
+            [
+                np.full(3, UNKNOWN_SD.get(p.segment, UNKNOWN_DIGIT_SD)) if p.calibrated else PLACED_SD
+                for p in placed
+            ]
         )
 
     @cached_property
     def prior_sd(self) -> Floats:
         """Prior spread of every parameter, shape (n_parameters,)."""
-        offsets = np.repeat(self.marker_sd, 3)
+        offsets = self.marker_sd.ravel()
         if not self.anatomical:
             return offsets
         centres = [
@@ -147,6 +151,31 @@ class HandGeometry:
             columns_d = slice(start + 3 * d, start + 3 * d + 3)
             jacobian[:, :, columns_d] = np.cross(axes.T[None], arms[:, None]).transpose(0, 2, 1)
         return jacobian
+
+    def length_sd(self, parameters: Floats, covariance: Floats) -> dict[str, float]:
+        """Return the standard deviation of each digit segment's length [m], by segment.
+
+        A segment ends at a site that lies on its axis, at (length + shift) (1 + size).
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (n_parameters,)
+            The shape.
+        covariance : ndarray, shape (n_parameters, n_parameters)
+            Covariance of its error.
+        """
+        if not self.anatomical:
+            return {}
+        segments = iter(segment for digit in DIGITS for segment in SEGMENTS_OF_DIGIT[digit])
+        deviations = {}
+        for k, first in enumerate(self._centre_is_first):
+            if first:
+                continue
+            slope = np.zeros(self.n_parameters)
+            slope[0] = self._centre_lengths[k] + parameters[1 + k]
+            slope[1 + k] = 1 + parameters[0]
+            deviations[next(segments)] = float(np.sqrt(slope @ covariance @ slope))
+        return deviations
 
     def _direction(self, parameters: Floats, digit: str) -> Floats:
         start = 1 + len(self._centre_axes) + 3 * DIGITS.index(digit)

@@ -37,7 +37,7 @@ WINDOW_TIME: Final = 0.7
 """Length of a window that the estimate uses [s]."""
 WINDOW_RATE: Final = 60.0
 """Rate to which windows are thinned: scales are those of continuous time [Hz]."""
-MAXIMUM_EVALUATIONS: Final = 15
+MAXIMUM_EVALUATIONS: Final = 10
 PERTURBATION: Final = 1e-4
 MINIMUM_KEPT: Final = 0.3
 """A window in which fewer of the markers are seen and fit tells nothing."""
@@ -112,6 +112,8 @@ def _choose_windows(
     Multiples of the golden ratio fall into rest and movement alike, however long a trial's phases are.
     """
     sd = np.full(len(kinematics.hand.markers), parameters.marker_sd)
+    if not recordings:
+        return []
     durations = np.array([len(markers) / rate for markers, rate in recordings])
     ends = np.cumsum(durations)
     windows = []
