@@ -207,7 +207,7 @@ class HandFilter:
         """Return degrees of freedom, precisions and innovations of the readings that pass the gate."""
         dofs = readings.hinges + FREE
         innovation = readings.angles - state.q[readings.hinges + SEVEN]
-        spread = state.covariance[dofs, dofs] + readings.variance
+        spread = state.position_covariance[dofs, dofs] + readings.variance
         passing = innovation**2 <= self._angle_gate * spread
         if not passing.any():
             return None

@@ -110,11 +110,8 @@ def track_hand(
             f"no frame shows {parameters.minimum_start_markers} of the hand's {len(hand.markers)} markers",
             "Check marker_names in session.yaml, or the recording's labels.",
         )
-    motion = motion_model(hand, prior, parameters, 1 / rate)
-    marker_sd = np.full(len(hand.markers), parameters.marker_sd)
-    kinematics = Kinematics(hand)
-    filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
-    follower = _Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
+    motion, kinematics = motion_model(hand, prior, parameters, 1 / rate), Kinematics(hand)
+    follower = make_follower(kinematics, motion, prior, parameters, rate)
     smoother = _Smoother(kinematics, motion, markers)
     for i, observed in enumerate(markers):
         followed = follower.step(observed, None if glove is None else glove.frame(i))
@@ -122,8 +119,21 @@ def track_hand(
     return smoother.finish()
 
 
+def make_follower(
+    kinematics: Kinematics,
+    motion: MotionModel,
+    prior: PosturePrior,
+    parameters: TrackingParameters,
+    rate: float,
+) -> "Follower":
+    """Return the forward pass of a hand, frame by frame; the workspace is its own from now on."""
+    marker_sd = np.full(len(kinematics.hand.markers), parameters.marker_sd)
+    filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
+    return Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
+
+
 @dataclass(frozen=True)
-class _Followed:
+class Followed:
     """A frame of the forward pass: what the filter made of it, None while the hand is not known."""
 
     predicted: State | None
@@ -147,7 +157,7 @@ class _Smoother:
         self._used = np.zeros(markers.shape[:2], dtype=bool)
         self._at_limit = np.zeros(len(markers), dtype=bool)
 
-    def append(self, frame: int, followed: _Followed) -> None:
+    def append(self, frame: int, followed: Followed) -> None:
         """Take the next frame of the forward pass."""
         if followed.started or followed.update is None:
             self._smooth()
@@ -185,7 +195,7 @@ class _Smoother:
         self._pass.clear()
 
 
-class _Follower:
+class Follower:
     """The filter with its start, its loss of the hand and its re-acquisition."""
 
     def __init__(
@@ -207,7 +217,7 @@ class _Follower:
         self._doubtful = 0
         self._unseen = 0
 
-    def step(self, observed: Floats, readings: JointReadings | None = None) -> _Followed:
+    def step(self, observed: Floats, readings: JointReadings | None = None) -> Followed:
         """Take one frame."""
         seen = visible(observed)
         self._unseen = 0 if seen.any() else self._unseen + 1
@@ -215,7 +225,7 @@ class _Follower:
             self._state = None
         if self._state is None:
             if seen.sum() < self._minimum:
-                return _Followed(None, None)
+                return Followed(None, None)
             fit = fit_frame(self._kinematics, observed, self._prior, self._marker_sd)
             predicted = self._filter.start(fit.q)
             update = self._filter.update(predicted, observed, gated=False, readings=readings)
@@ -226,4 +236,4 @@ class _Follower:
             rejected = seen.sum() - update.used.sum()
             self._doubtful, started = self._doubtful + 1 if 2 * rejected > seen.sum() else 0, False
         self._state = update.state
-        return _Followed(predicted, update, started)
+        return Followed(predicted, update, started)
