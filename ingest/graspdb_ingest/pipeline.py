@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
+from graspdb_ingest.contact_rows import contact_rows
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
@@ -99,6 +100,7 @@ def process_trial(
         n_grasps = len(grasps)
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
+        rows |= contact_rows(session, trial, tracked, grasps, parameters.contact)
     described = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
     rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
