@@ -18,8 +18,8 @@ from graspdb_ingest.objects.pose import track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedObject, prepare_hand, prepare_object
 from graspdb_ingest.rigid import fit_rigid
-from graspdb_ingest.tracking.motion import motion_model
-from graspdb_ingest.tracking.tracker import make_follower
+from graspdb_ingest.tracking.following import make_follower
+from graspdb_ingest.tracking.motion import MotionNoise, motion_model
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.manifest_reader import parse_manifest
 from graspdb_schemas.vocabulary import N_SITES, SITES, Side
@@ -67,7 +67,7 @@ class HandEstimate:
 
 
 class HandTracker:
-    """Follows one hand frame by frame, with the filter that follows recordings forward.
+    """Follows one hand frame by frame, with the filter that first follows a recording forward.
 
     As a context manager it keeps a loop in time: linear algebra stays on one thread, which is faster
     for matrices of this size, and what is loaded by then is left out of garbage collection.
@@ -82,8 +82,10 @@ class HandTracker:
         The object whose contacts are wanted.
     prior : PosturePrior, optional
         Where joints usually are; that of any such hand unless given.
+    noise : MotionNoise, optional
+        Scales of movement and marker noise; those that the parameters assume unless given.
     parameters : IngestParameters, optional
-        Noise, movement and thresholds.
+        Gate and thresholds.
 
     Raises
     ------
@@ -97,6 +99,7 @@ class HandTracker:
         rate: float,
         thing: PreparedObject | None = None,
         prior: PosturePrior | None = None,
+        noise: MotionNoise | None = None,
         parameters: IngestParameters | None = None,
     ) -> None:
         if not 1 <= rate <= 20_000:
@@ -106,6 +109,7 @@ class HandTracker:
         self.thing = thing
         self._parameters = parameters or IngestParameters()
         self._prior = prior or default_prior(hand)
+        self._noise = noise or MotionNoise.assumed(self._parameters.tracking)
         self._radii = hand.radii
         self._limits: threadpool_limits | None = None
         self._kinematics = Kinematics(hand)
@@ -136,7 +140,7 @@ class HandTracker:
         thing : str, optional
             Name of the object.
         parameters : IngestParameters, optional
-            Noise, movement and thresholds.
+            Gate and thresholds.
 
         Raises
         ------
@@ -158,7 +162,7 @@ class HandTracker:
             name = _one_of("thing", thing, tuple(described.objects))
             prepared = prepare_object(described.objects[name], parameters)
         hand = prepare_hand(described, person, which, parameters.tracking)
-        return cls(hand.hand, rate, prepared, hand.prior, parameters)
+        return cls(hand.hand, rate, prepared, hand.prior, hand.noise, parameters)
 
     @property
     def marker_labels(self) -> tuple[str, ...]:
@@ -168,8 +172,10 @@ class HandTracker:
     def restart(self) -> None:
         """Forget the hand; the next frame that shows enough of it finds it anew."""
         tracking = self._parameters.tracking
-        motion = motion_model(self.hand, self._prior, tracking, 1 / self.rate)
-        self._follower = make_follower(self._kinematics, motion, self._prior, tracking, self.rate)
+        motion = motion_model(self.hand, self._prior, self._noise, 1 / self.rate)
+        self._follower = make_follower(
+            self._kinematics, motion, self._prior, tracking, self.rate, self._noise
+        )
 
     def step(self, markers: Floats, object_markers: Floats | None = None) -> HandEstimate:
         """Take the next frame.

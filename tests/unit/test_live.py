@@ -1,6 +1,7 @@
 """A hand followed live: the same numbers as the recording's forward pass, contacts of the same frame."""
 
 import gc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,14 @@ import trimesh
 
 import graspdb
 from graspdb_ingest.contact import signed_gaps
+from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.live import HandTracker
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedObject, prepare_object
-from graspdb_ingest.tracking.tracker import track_hand
+from graspdb_ingest.tracking.following import follow, make_follower
+from graspdb_ingest.tracking.motion import MotionNoise, motion_model
+from graspdb_ingest.tracking.smoother import ForwardPass
 from graspdb_schemas.errors import ParameterError
 from graspdb_schemas.manifest import SessionObject
 from graspdb_schemas.vocabulary import SITES, Side
@@ -42,21 +46,48 @@ def ball(tmp_path_factory) -> PreparedObject:
     return prepare_object(SessionObject("ball", file, 1.0, BALL), IngestParameters())
 
 
+def forward(hand, markers):
+    """Return configuration and standard deviations of the last frame of a recording's first forward pass.
+
+    A smoother has nothing to add to the last frame.
+    """
+    tracking, prior = IngestParameters().tracking, default_prior(hand)
+    noise = MotionNoise.assumed(tracking)
+    motion = motion_model(hand, prior, noise, 1 / RATE)
+    follower = make_follower(Kinematics(hand), motion, prior, tracking, RATE, noise)
+    memory = ForwardPass(len(markers), hand.n_dof)
+    for stretch in follow(follower, markers, None, None, memory):
+        last = next(iter(stretch.forward.smooth(motion)))
+        q = hand.integrate(stretch.q[-1], last.step[-1])
+        used = stretch.used[-1]
+    q[7:] = np.clip(q[7:], *hand.joint_range.T)
+    return q, np.sqrt(np.diagonal(last.covariance[-1])), used
+
+
 @pytest.mark.parametrize("side", list(Side))
-def test_each_step_is_the_recordings_last_frame_if_it_ended_there(hands, side):
-    """A smoother has nothing to add to the last frame, so there forward pass and result agree."""
+def test_each_step_is_the_last_frame_of_a_recordings_forward_pass(hands, side):
     hand = hands[side]
     _, markers = recorded(hand, np.random.default_rng(0))
     tracker = HandTracker(hand, RATE)
     estimates = [tracker.step(frame) for frame in markers]
-    prior, tracking = default_prior(hand), IngestParameters().tracking
     for last in (0, 1, 60, 92, 130, N - 1):
-        track = track_hand(hand, markers[: last + 1], RATE, prior, tracking)
-        assert np.allclose(estimates[last].q, track.q[-1], atol=1e-9)
-        assert np.allclose(estimates[last].q_sd, track.q_sd[-1], rtol=1e-6)
-        assert np.allclose(estimates[last].sites, track.sites[-1], atol=1e-9)
-        assert np.allclose(estimates[last].sites_sd, track.sites_sd[-1], rtol=1e-6)
-        assert np.array_equal(estimates[last].used, track.used[-1])
+        q, q_sd, used = forward(hand, markers[: last + 1])
+        assert np.allclose(estimates[last].q, q, atol=1e-9)
+        assert np.allclose(estimates[last].q_sd, q_sd, rtol=1e-6)
+        assert np.allclose(estimates[last].sites, hand.forward(q).sites, atol=1e-9)
+        assert np.array_equal(estimates[last].used, used)
+
+
+def test_standard_deviations_of_sites_say_how_far_off_they_are(hands):
+    hand = hands[Side.RIGHT]
+    true, markers = recorded(hand, np.random.default_rng(3))
+    noise = replace(MotionNoise.assumed(IngestParameters().tracking), marker_sd=0.0005)
+    tracker = HandTracker(hand, RATE, noise=noise)
+    estimates = [tracker.step(frame) for frame in markers]
+    errors = np.linalg.norm(np.array([e.sites for e in estimates]) - true, axis=2)[20:]
+    sds = np.array([e.sites_sd for e in estimates])[20:]
+    assert np.mean(errors < 2 * sds) > 0.93
+    assert 0.5 < np.sqrt(np.median(errors**2 / sds**2)) < 1.1
 
 
 def test_contacts_are_those_of_the_same_frame(hands, ball):
