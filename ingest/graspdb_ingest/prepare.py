@@ -1,6 +1,6 @@
 """What is done once for a session, before its trials: clouds of objects, calibrated hands."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.hand import HandModel
-from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
@@ -19,6 +19,8 @@ from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
+from graspdb_ingest.tracking.frame_choice import sample_frames
+from graspdb_ingest.tracking.posture_learning import LearnedPrior, learn_prior
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
 from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
@@ -72,6 +74,8 @@ class PreparedHand:
         Markers whose offsets the manifest left to be found.
     calibration : Calibration
         How it was found, and how far its markers lie from it.
+    learned : LearnedPrior
+        What the prior stands on.
     notes : tuple of str
         What to know of the hand's model.
     """
@@ -81,6 +85,7 @@ class PreparedHand:
     prior: PosturePrior
     calibrated_markers: tuple[str, ...]
     calibration: Calibration
+    learned: LearnedPrior
     notes: tuple[str, ...] = ()
 
 
@@ -107,11 +112,29 @@ def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:
 
 
 def prepare_hand(
-    session: Session, subject: Subject, side: Side, parameters: TrackingParameters
+    session: Session,
+    subject: Subject,
+    side: Side,
+    parameters: TrackingParameters,
+    hidden: Mapping[str, Bools] | None = None,
 ) -> PreparedHand:
-    """Build a subject's hand and calibrate it from the recordings that the manifest names for it.
+    """Build a subject's hand, calibrate it and learn its postures from the recordings named for it.
 
-    A recording that cannot be read is left to its own trial to report.
+    A recording that cannot be read is left to its own trial to report. Recordings are read one
+    after the other, and an even sample of their frames is all that is kept of them.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    subject : Subject
+        The subject.
+    side : Side
+        Which hand.
+    parameters : TrackingParameters
+        Usual noise and time scale.
+    hidden : mapping of str to ndarray of bool, shape (n_frames, n_markers), optional
+        What to leave out of each trial, by its name; for validation.
 
     Raises
     ------
@@ -119,28 +142,58 @@ def prepare_hand(
         If no recording shows enough of the hand.
     """
     file = subject_hand(session, subject, side)
-    hand = file.hand
-    prior = default_prior(hand)
-    recordings = hand_recordings(session, subject, side)
+    default = default_prior(file.hand)
+    durations: list[float] = []
+
+    def markers() -> Iterator[Floats]:
+        for recording in hand_recordings(session, subject, side):
+            durations.append(len(recording.markers) / recording.rate)
+            unseen = None if hidden is None else hidden.get(recording.trial)
+            yield recording.markers if unseen is None else _without(recording.markers, unseen)
+
+    sample = sample_frames(markers())
     with threadpool_limits(1):
-        calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
+        calibration = calibrate_hand(file.hand, file.placements, [sample], default, parameters.marker_sd)
+        learned = learn_prior(
+            calibration.hand,
+            sample,
+            sum(durations),
+            default,
+            calibration.marker_sd,
+            parameters.posture_time,
+        )
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
-        prior=prior,
+        prior=learned.prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
         calibration=calibration,
+        learned=learned,
         notes=file.notes,
     )
 
 
-def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[Floats]:
-    """Read the recordings of a subject's hand one after the other, as they are asked for.
+@dataclass(frozen=True)
+class HandRecording:
+    """What a recording shows of one hand.
 
-    Yields
-    ------
-    ndarray, shape (n_frames, n_markers, 3)
+    Attributes
+    ----------
+    trial : str
+        Name of the trial; that of its file for a recording that is no trial.
+    rate : float
+        Frames per second [Hz].
+    markers : ndarray, shape (n_frames, n_markers, 3)
         The hand's markers [m].
+    """
+
+    trial: str
+    rate: float
+    markers: Floats
+
+
+def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[HandRecording]:
+    """Read the recordings that a hand is calibrated from one after the other, as they are asked for.
 
     Raises
     ------
@@ -148,19 +201,31 @@ def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[
         If none of them shows the hand.
     """
     found = False
-    for file in calibration_files(session, subject):
-        trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
-        own = next((t for t in session.trials if t.file == file), trial)
+    for trial in _calibration_trials(session, subject):
         try:
-            recording = read_recording(file, session.file_scale)
-            markers = select_markers(recording, session, own).hands.get(side)
+            recording = read_recording(trial.file, session.file_scale)
+            markers = select_markers(recording, session, trial).hands.get(side)
         except GraspDBError:
             continue
         if markers is not None and np.isfinite(markers).any():
             found = True
-            yield markers
+            yield HandRecording(trial.name, recording.rate, markers)
     if not found:
         raise TrackingError(
             f"no recording of subject {subject.name} shows the {side} hand",
             "Check the trials' files and marker_names in session.yaml.",
         )
+
+
+def _calibration_trials(session: Session, subject: Subject) -> Iterator[SessionTrial]:
+    """Yield the trials of `calibration_files`; a recording that is none of the session's becomes one."""
+    for file in dict.fromkeys(calibration_files(session, subject)):
+        own = [t for t in session.trials if t.file == file and t.subject == subject.name]
+        if own:
+            yield from own
+        else:
+            yield SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
+
+
+def _without(markers: Floats, unseen: Bools) -> Floats:
+    return np.where(unseen[..., None], np.nan, markers)

@@ -117,12 +117,15 @@ def track_trial(
         )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(
-            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
-        )
+        track = follow(hand, markers.hands[side], markers.recording.rate, parameters)
         _check(track, side, parameters)
         tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
     return TrackedTrial(markers, followed, tracked)
+
+
+def follow(hand: PreparedHand, markers: Floats, rate: float, parameters: IngestParameters) -> HandTrack:
+    """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
+    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking)
 
 
 def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:
