@@ -13,6 +13,8 @@ from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
+from graspdb_ingest.objects.curvature import principal_curvatures
+from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
@@ -39,6 +41,8 @@ class PreparedObject:
         The mesh or cloud as loaded.
     cloud : ObjectCloud
         Evenly spaced points.
+    distance : ObjectDistance
+        How far it is: exact to the mesh, where there is one.
     histograms : ndarray of float32, shape (n_points, 33)
         FPFH of every point.
     marker_labels : tuple of str
@@ -47,15 +51,19 @@ class PreparedObject:
         Their places in the object frame [m].
     mechanics : Mechanics
         Friction, center of mass and radius.
+    curvatures : ndarray, shape (n_points, 2)
+        Principal curvatures of the cloud's points [1/m].
     """
 
     name: str
     surface: Surface
     cloud: ObjectCloud
+    distance: ObjectDistance
     histograms: NDArray[np.float32]
     marker_labels: tuple[str, ...]
     marker_positions: Floats
     mechanics: Mechanics
+    curvatures: Floats
 
 
 @dataclass(frozen=True)
@@ -98,10 +106,12 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         name=described.name,
         surface=surface,
         cloud=cloud,
+        distance=ObjectDistance(surface, cloud),
         histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
         mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
+        curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
     )
 
 

@@ -127,6 +127,7 @@ def object_point_rows(session: str, prepared: PreparedObject) -> pa.Table:
             "normal": list_column(cloud.normals),
             "area": cloud.areas,
             "fpfh": list_column(prepared.histograms),
+            "curvatures": list_column(prepared.curvatures),
         },
         schema=rows_schema("object_points"),
     )
