@@ -103,6 +103,10 @@ HANDS: Final = pa.schema(
         _column("marker_residuals", VECTOR, "rms distance of each marker after calibration", "m"),
         _column("marker_sd", VECTOR, "standard deviation of each marker about its place, each axis", "m"),
         _column("n_calibration_frames", pa.int32(), "frames that the hand was calibrated on"),
+        _column("prior_mean", VECTOR, "mean of the posture prior, in the order of the hinges (23)", "rad"),
+        _column("prior_covariance", MATRIX, "covariance of the posture prior (23 x 23)", "rad2"),
+        _column("n_prior_frames", pa.int32(), "frames that the prior was learned from; 0 for any hand's"),
+        _column("n_prior_postures", pa.float64(), "independent postures that they are worth"),
         _column("calibration_notes", TEXTS, "what the recordings could not tell, and what stands in for it"),
         _INGEST_ID,
     ]
