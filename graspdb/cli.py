@@ -17,6 +17,7 @@ from graspdb.commands.query import query
 from graspdb.commands.schema import schema
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
+from graspdb.commands.validate import validate
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ app.command()(sql)
 app.command()(query)
 app.add_typer(export)
 app.command()(hand)
+app.add_typer(validate)
 
 _FAILURE: Final = 1
 _INTERRUPTED: Final = 128 + signal.SIGINT

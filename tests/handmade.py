@@ -130,6 +130,7 @@ def _grasp_tables(common: Mapping[str, Any], grasp: str, sites: Sequence[str]) -
         "grasp": grasp,
         "side": "right",
         "snapshot_kind": "lift_onset",
+        "snapshot_time": 0.02,
         "digits": digits,
         "contact_sites": list(sites),
         "n_contacts": len(sites),
@@ -166,4 +167,9 @@ def _grasp_tables(common: Mapping[str, Any], grasp: str, sites: Sequence[str]) -
         "grasps": rows("grasps", described),
         "contacts": rows("contacts", *contacts),
         "features": rows("features", feature),
+        "reference_contacts": rows("reference_contacts", *_pressed(common["trial"], digits)),
     }
+
+
+def _pressed(trial: str, digits: Sequence[str]) -> list[dict[str, Any]]:
+    return [{"trial": trial, "time": 0.02, "digit": digit, "position": [0.0, 0.3, 0.4]} for digit in digits]

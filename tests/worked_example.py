@@ -133,9 +133,7 @@ def _frames(trial: str, grasp: Grasp) -> pa.Table:
                 "frame": i,
                 "time": time,
                 "q": _configuration(bend * time, 0.0),
-                "sites": [
-                    [aperture if site == "index_tip" else 0.0, 0.0, 0.0] for site in SITES
-                ],
+                "sites": [[aperture if site == "index_tip" else 0.0, 0.0, 0.0] for site in SITES],
                 "gap": [
                     TOUCHING if site in grasp.contacts and time >= grasp.onsets[digit] else FAR
                     for site, digit in zip(SITES, DIGIT_OF_SITE, strict=True)
@@ -158,5 +156,3 @@ def _without_grasp(trial: TrialTables) -> TrialTables:
 def _only(table: pa.Table) -> dict[str, Any]:
     [row] = table.to_pylist()
     return dict(row)
-
-

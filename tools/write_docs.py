@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from typer.models import CommandInfo
 from typer.testing import CliRunner
 
 from graspdb.cli import app
@@ -46,16 +47,24 @@ def cli_page() -> str:
         "# Command line",
         "Made by `make docs` from what `--help` prints.",
         _section("graspdb", []),
-        *(_section(f"graspdb {name}", [name]) for name in command_names()),
+        *(_section(f"graspdb {name}", name.split()) for name in command_names()),
     ]
     return "\n\n".join(parts) + "\n"
 
 
 def command_names() -> list[str]:
-    """Return the names of all commands, in the order in which help lists them."""
-    return [
-        str(command.name or getattr(command.callback, "__name__", "")) for command in app.registered_commands
-    ]
+    """Return the names of all commands, those of groups behind the group's, in the order of help."""
+    names = [_name(command) for command in app.registered_commands]
+    for group in app.registered_groups:
+        inner = group.typer_instance
+        if inner is not None:
+            title = str(group.name or inner.info.name)
+            names += [title, *(f"{title} {_name(command)}" for command in inner.registered_commands)]
+    return names
+
+
+def _name(command: CommandInfo) -> str:
+    return str(command.name or getattr(command.callback, "__name__", ""))
 
 
 def _section(title: str, arguments: list[str]) -> str:

@@ -35,6 +35,10 @@ def simulate(
         float, typer.Option(help="Mean number of swapped stretches of labels in a trial.")
     ] = 0.0,
     rate: Annotated[float, typer.Option(help="Frames per second [Hz].")] = 120.0,
+    gloves: Annotated[bool, typer.Option("--gloves", help="Let the hands wear data gloves.")] = False,
+    proportion_sd: Annotated[
+        float, typer.Option(help="Relative spread of bone lengths about the usual proportions, sd.")
+    ] = 0.0,
     as_json: Json = False,
 ) -> None:
     """Simulate a session of reaching, grasping and lifting, with the truth in DIR/truth."""
@@ -51,6 +55,8 @@ def simulate(
         experiment=experiment.value,
         noise=noise,
         rate=rate,
+        gloves=gloves,
+        proportion_sd=proportion_sd,
     )
     if as_json:
         import json

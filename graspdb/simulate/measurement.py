@@ -38,6 +38,8 @@ class NoiseParameters:
         Shortest and longest such stretch [s].
     pressure_sd : float
         Noise of each axis of the force panels' centre of pressure [m].
+    glove_sd, glove_offset_sd : float
+        White noise of each sensor of a data glove, and spread of the sensors' constant offsets [rad].
     """
 
     marker_sd: float = 0.0005
@@ -49,6 +51,8 @@ class NoiseParameters:
     swaps: float = 0.0
     swap_duration: tuple[float, float] = (0.1, 0.5)
     pressure_sd: float = 0.001
+    glove_sd: float = 0.052
+    glove_offset_sd: float = 0.087
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self)):
@@ -68,7 +72,7 @@ class NoiseParameters:
     @classmethod
     def none(cls) -> "NoiseParameters":
         """Return a perfect measurement."""
-        return cls(marker_sd=0, skin_sd=0, occlusion=0, swaps=0, pressure_sd=0)
+        return cls(marker_sd=0, skin_sd=0, occlusion=0, swaps=0, pressure_sd=0, glove_sd=0, glove_offset_sd=0)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
 """A whole simulated session: subjects, objects, trials and their truth, in a folder."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 
 from graspdb.simulate.force_panels import write_pressure
+from graspdb.simulate.glove import draw_glove, write_glove
 from graspdb.simulate.grasps import Grasp
 from graspdb.simulate.kinds import PLANS, Plan
 from graspdb.simulate.measurement import NoiseParameters
@@ -62,6 +63,8 @@ def simulate_session(
     rate: float = 120.0,
     objects: Iterable[str] | None = None,
     kinds: Iterable[str] | None = None,
+    gloves: bool = False,
+    proportion_sd: float = 0.0,
 ) -> SimulatedSession:
     """Write a session of simulated recordings, and the truth beside it.
 
@@ -83,6 +86,11 @@ def simulate_session(
         Frames per second [Hz].
     objects, kinds : iterable of str, optional
         Names of objects and of kinds of grasp to simulate; all where left out.
+    gloves : bool
+        Whether the hands wear data gloves.
+    proportion_sd : float
+        Relative spread of bones' lengths about the proportions that ingest starts from; with zero,
+        hands have those very proportions.
 
     Returns
     -------
@@ -99,15 +107,20 @@ def simulate_session(
     folder = Path(directory)
     noise = noise if noise is not None else NoiseParameters()
     _check(folder, subjects, trials, seed, experiment, rate)
+    if not 0 <= proportion_sd <= 0.1:
+        raise ParameterError("proportion_sd", proportion_sd, "0 to 0.1")
     bodies = _draw_objects(experiment, objects, seed)
     tasks = list(_tasks(bodies, kinds, trials))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trials").mkdir()
-    people = [draw_subject(f"s{i + 1}", _generator(seed, 1, i)) for i in range(subjects)]
+    people = [draw_subject(f"s{i + 1}", _generator(seed, 1, i), proportion_sd) for i in range(subjects)]
     truths: dict[str, TrialTruth] = {}
     entries: list[TrialEntry] = []
     for number, subject in enumerate(people):
-        for entry, truth in _subject_trials(folder, subject, tasks, noise, rate, (seed, 2, number)):
+        worn = _generator(seed, 3, number)
+        for simulated, true in _subject_trials(folder, subject, tasks, noise, rate, (seed, 2, number)):
+            entry, truth = _with_glove(folder, simulated, true, noise, worn) if gloves else (simulated, true)
+            save_trial(folder, truth)
             entries.append(entry)
             truths[entry.name] = truth
     for body in bodies:
@@ -144,10 +157,18 @@ def _subject_trials(
         trial = record(name, subject, body, done, task.repetition, noise, rate, rng)
         truth = trial.truth
         write_c3d(folder / "trials" / f"{name}.c3d", truth.marker_labels, trial.measured.positions, rate)
-        save_trial(folder, truth)
         if panels:
             _write_reference(folder, body, done.motion, truth, noise, rng)
         yield TrialEntry(name, subject.name, body.name, counts[body.name], panels), truth
+
+
+def _with_glove(
+    folder: Path, entry: TrialEntry, truth: TrialTruth, noise: NoiseParameters, rng: np.random.Generator
+) -> tuple[TrialEntry, TrialTruth]:
+    """Write the glove's angles of a trial; every trial puts the glove on anew."""
+    glove = draw_glove(noise, rng)
+    write_glove(folder / "gloves" / f"{entry.name}.csv", truth.times, truth.q, glove, noise, rng)
+    return replace(entry, glove=True), replace(truth, glove=glove)
 
 
 def _write_reference(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb.simulate.arrays import Floats
+from graspdb.simulate.glove import GloveTruth
 from graspdb.simulate.measurement import NoiseParameters, Swap
 from graspdb.simulate.motion import Events
 from graspdb.simulate.subjects import SimulatedSubject, placements_of
@@ -70,6 +71,8 @@ class TrialTruth:
         When things happened.
     contacts : tuple of str
         Sites that touch at the onset of lift.
+    glove : GloveTruth or None
+        What is wrong with the data glove, where the hand wore one.
     """
 
     trial: str
@@ -91,6 +94,7 @@ class TrialTruth:
     swaps: tuple[Swap, ...]
     events: Events
     contacts: tuple[str, ...]
+    glove: GloveTruth | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,7 @@ def save_trial(directory: Path, truth: TrialTruth) -> None:
     np.savez(folder / f"{truth.trial}.npz", allow_pickle=False, **arrays)
     rest = {k: v for k, v in vars(truth).items() if k not in ARRAYS}
     rest |= {"swaps": [asdict(swap) for swap in truth.swaps], "events": asdict(truth.events)}
+    rest["glove"] = None if truth.glove is None else asdict(truth.glove)
     _write_json(folder / f"{truth.trial}.json", rest)
 
 
@@ -185,6 +190,7 @@ def _load_trial(folder: Path, name: str) -> TrialTruth:
         "contacts": tuple(rest["contacts"]),
         "swaps": tuple(Swap(**swap) for swap in rest["swaps"]),
         "events": Events(**rest["events"]),
+        "glove": None if rest["glove"] is None else GloveTruth(**rest["glove"]),
     }
     with np.load(folder / f"{name}.npz") as arrays:
         return TrialTruth(**rest, **{key: arrays[key] for key in ARRAYS})
@@ -196,12 +202,18 @@ def _subject_as_json(subject: SimulatedSubject) -> dict[str, Any]:
         "hand_length": subject.dimensions.hand_length,
         "hand_breadth": subject.dimensions.hand_breadth,
         "joint_thickness": dict(subject.dimensions.joint_thickness),
+        "proportions": dict(subject.dimensions.proportions),
         "forearm_markers": {k: p.offset for k, p in subject.placements.items() if p.offset is not None},
     }
 
 
 def _subject_from_json(name: str, content: dict[str, Any]) -> SimulatedSubject:
-    dimensions = HandDimensions(content["hand_length"], content["hand_breadth"], content["joint_thickness"])
+    dimensions = HandDimensions(
+        content["hand_length"],
+        content["hand_breadth"],
+        content["joint_thickness"],
+        content["proportions"],
+    )
     forearm = {k: tuple(offset) for k, offset in content["forearm_markers"].items()}
     return SimulatedSubject(name, Side(content["side"]), dimensions, placements_of(forearm))
 

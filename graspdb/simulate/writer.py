@@ -28,6 +28,7 @@ class TrialEntry:
     object: str
     repetition: int
     reference_contacts: bool = False
+    glove: bool = False
 
 
 def write_c3d(path: Path, labels: tuple[str, ...], positions: Floats, rate: float) -> None:
@@ -106,6 +107,8 @@ def _trial(trial: TrialEntry) -> dict[str, Any]:
     }
     if trial.reference_contacts:
         entry["reference_contacts"] = f"reference/{trial.name}.csv"
+    if trial.glove:
+        entry["glove"] = f"gloves/{trial.name}.csv"
     return entry
 
 

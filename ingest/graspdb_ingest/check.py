@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.readers import read_recording
+from graspdb_ingest.reference_contacts import read_reference_contacts
 from graspdb_ingest.rigidity import DistanceReport, measure_distances, rigidity_warnings
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_schemas.errors import GraspDBError
@@ -179,8 +180,21 @@ def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
         not_found=markers.not_found,
         unused=markers.unused,
         distances=distances,
-        warnings=_hand_warnings(markers) + rigidity_warnings(model, markers.object_markers, distances),
+        warnings=_hand_warnings(markers)
+        + rigidity_warnings(model, markers.object_markers, distances)
+        + _reference_warnings(session, trial),
     )
+
+
+def _reference_warnings(session: Session, trial: SessionTrial) -> tuple[str, ...]:
+    """Return what keeps a trial's measured centres of pressure from being used."""
+    if trial.reference_contacts is None:
+        return ()
+    try:
+        read_reference_contacts(trial.reference_contacts, session.file_scale)
+    except GraspDBError as error:
+        return (f"reference_contacts: {error}",)
+    return ()
 
 
 def longest_gap(seen: NDArray[np.bool_]) -> int:

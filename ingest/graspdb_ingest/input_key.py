@@ -30,21 +30,26 @@ def file_sha256(path: Path) -> str | None:
 def input_key(session: Session, trial: SessionTrial, parameters: IngestParameters) -> str:
     """Return the sha256 of everything that decides a trial's rows.
 
-    That is: the recording, the object's mesh, the recordings that the hand is calibrated from, its model,
-    the manifest's entries for them, the parameters and the software's version. A changed mesh
-    changes the keys of its object's trials alone.
+    That is: the recording, the glove's, the object's mesh, the hand's model, the recordings that the
+    hand is calibrated from, the manifest's entries for them, the parameters and the software's
+    version. A changed mesh changes the keys of its object's trials alone.
     """
     raw = session.raw
-    common = ("graspdb_session", "id", "units", "up", "marker_set", "marker_names")
+    common = ("graspdb_session", "id", "units", "up", "marker_set", "marker_names", "glove")
     subject = session.subjects[trial.subject]
     files = [trial.file, *calibration_files(session, subject), *model_files(subject)]
+    if trial.reference_contacts is not None:
+        files.append(trial.reference_contacts)
     if trial.object is not None:
         files.append(session.objects[trial.object].mesh)
+    if trial.glove is not None:
+        files.append(trial.glove)
+    part = [trial.source_file, trial.task, trial.repetition, trial.start, trial.end]
     entries: dict[str, Any] = {
         "session": {key: raw.get(key) for key in common},
         "subject": raw["subjects"][trial.subject],
         "object": raw["objects"][trial.object] if trial.object is not None else None,
-        "trial": [trial.source_file, trial.task, trial.repetition, trial.start, trial.end],
+        "trial": [*part, trial.glove is not None],
         "attributes": trial.attributes,
         "parameters": parameters.to_json(),
         "software": software_version(),

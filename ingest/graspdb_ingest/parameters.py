@@ -106,6 +106,8 @@ class EventParameters:
         Share of a hold's largest number of touching sites that its steadiest frame must have.
     smoothing : float
         Cut-off of the low-pass filter on the paths of object and hand [Hz].
+    minimum_contact : float
+        Shortest contact of a site that is an event, and shortest time without contact that ends one [s].
     """
 
     rest_speed: float = 0.015
@@ -118,6 +120,7 @@ class EventParameters:
     release_margin: float = 0.004
     steady_contacts: float = 0.8
     smoothing: float = 6.0
+    minimum_contact: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -130,10 +133,45 @@ class ContactParameters:
         h of equation 3 [m].
     sphere_vertices : int
         Vertices that stand for a sphere in the hull; the paper has 64.
+    surface : str
+        Surface of the hand whose gaps are taken: ``spheres``, ``capsules`` or ``skin``.
+    map_reach : float
+        Object points up to this far from the hand's surface are in the contact map [m].
     """
 
     threshold: float = 0.004
     sphere_vertices: int = 64
+    surface: str = "spheres"
+    map_reach: float = 0.02
+
+
+@dataclass(frozen=True)
+class GloveParameters:
+    """What is taken of a data glove, and how it is compared with the markers.
+
+    Attributes
+    ----------
+    known_sd : float
+        A joint counts as shown by the markers where its standard deviation is below this [rad].
+    usual_sd, offset_sd : float
+        Standard deviation of a sample, and of a sensor's offset, before any comparison [rad].
+    minimum_sd : float
+        No sensor is taken to be better than this [rad].
+    maximum_sd : float
+        A sensor that differs from the markers by more than this is left out [rad].
+    longest_delay : float
+        Largest difference of the two clocks that is looked for [s].
+    memory : float
+        Time over which the filter averages a joint's samples [s].
+    """
+
+    known_sd: float = 0.1
+    usual_sd: float = 0.09
+    offset_sd: float = 0.17
+    minimum_sd: float = 0.01
+    maximum_sd: float = 0.35
+    longest_delay: float = 0.25
+    memory: float = 0.25
 
 
 @dataclass(frozen=True)
@@ -162,6 +200,7 @@ class IngestParameters:
     tracking: TrackingParameters = field(default_factory=TrackingParameters)
     events: EventParameters = field(default_factory=EventParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
+    glove: GloveParameters = field(default_factory=GloveParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
 
     def to_json(self) -> str:

@@ -56,7 +56,11 @@ def macros() -> tuple[Macro, ...]:
     return (
         _names("site_names", SITES, "Names of the 20 sites, in the order of every list of sites."),
         _names("digit_names", DIGITS, "Names of the five digits, thumb first."),
-        _names("joint_names", JOINT_ANGLES, "Names of the 23 joint angles, in their order in q from its 8th number."),
+        _names(
+            "joint_names",
+            JOINT_ANGLES,
+            "Names of the 23 joint angles, in their order in q from its 8th number.",
+        ),
         *(_read(*match.groups()) for match in _MACRO.finditer(text)),
     )
 

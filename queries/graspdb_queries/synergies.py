@@ -58,9 +58,12 @@ def space(rows: Rows, parameters: Mapping[str, Any]) -> pa.Table:
     scale = np.where(np.isfinite(synergies.scale), synergies.scale, 0.0)
     left = (centred - scores @ axes) * scale
     residual = np.sqrt(np.mean(left**2, axis=1))
-    return grasps.append_column("score_1", _score(scores, 0)).append_column("score_2", _score(scores, 1)).append_column(
-        "scores", pa.array(scores.tolist(), pa.list_(pa.float64()))
-    ).append_column("residual", pa.array(residual, pa.float64()))
+    return (
+        grasps.append_column("score_1", _score(scores, 0))
+        .append_column("score_2", _score(scores, 1))
+        .append_column("scores", pa.array(scores.tolist(), pa.list_(pa.float64())))
+        .append_column("residual", pa.array(residual, pa.float64()))
+    )
 
 
 def clusters(rows: Rows, parameters: Mapping[str, Any]) -> pa.Table:

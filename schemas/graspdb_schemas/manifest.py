@@ -145,6 +145,25 @@ class SessionTrial:
 
 
 @dataclass(frozen=True)
+class Glove:
+    """The data glove of a session.
+
+    Attributes
+    ----------
+    units : str or None
+        ``deg`` or ``rad``, for files whose titles do not say it.
+    rate : float or None
+        Samples per second, for files without a column of times [Hz].
+    names : mapping of str to str
+        Column in the files -> joint of the hand, where they differ.
+    """
+
+    units: str | None = None
+    rate: float | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Session:
     """A session: who grasped what, recorded where.
 
@@ -171,6 +190,8 @@ class Session:
         The recordings.
     raw : mapping
         The manifest as it was read.
+    glove : Glove
+        What files of data gloves do not say.
     """
 
     path: Path
@@ -184,6 +205,7 @@ class Session:
     objects: Mapping[str, SessionObject]
     trials: tuple[SessionTrial, ...]
     raw: Mapping[str, Any]
+    glove: Glove = field(default_factory=Glove)
 
     def sides_of(self, trial: SessionTrial) -> tuple[Side, ...]:
         """Return the hands in a trial's recording: what the trial says, else what its subject does."""

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from graspdb_schemas.errors import ManifestError, ParameterError, Problem
 from graspdb_schemas.manifest import (
+    Glove,
     MarkerPlacement,
     Session,
     SessionObject,
@@ -161,6 +162,7 @@ class _Builder:
             objects={name: self._object(name, entry) for name, entry in raw.get("objects", {}).items()},
             trials=tuple(self._trial(i, entry) for i, entry in enumerate(raw["trials"])),
             raw=raw,
+            glove=Glove(**raw.get("glove", {})),
         )
 
     def _vector(self, value: list[float]) -> Vector:

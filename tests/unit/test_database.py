@@ -52,7 +52,7 @@ def test_a_grasp_with_its_arrays(database: graspdb.Database) -> None:
     assert grasp.hull_faces.max() == 3
     assert grasp.descriptor.shape == (66,)
     assert grasp.quality == {"epsilon": 0.1}
-    assert grasp.snapshot_time is None
+    assert grasp.snapshot_time == 0.02
 
 
 def test_what_a_grasp_lacks_is_nan_or_empty(tmp_path: Path) -> None:

@@ -138,9 +138,13 @@ def test_angles_that_no_marker_shows_grow_uncertain(simulated, track):
     blind = follow(simulated.hand, markers)
     ip = 6 + simulated.hand.joints.index("thumb_ip_flexion")
     prior = default_prior(simulated.hand)
-    assert blind.q_sd[209, ip] > 5 * track.q_sd[209, ip]
-    assert blind.q_sd[209, ip] < 1.05 * np.sqrt(prior.covariance[ip - 6, ip - 6])
+    tip = 3  # thumb_tip
+    assert blind.q_sd[180, ip] > 5 * track.q_sd[180, ip]
+    assert blind.q_sd[180, ip] < 1.05 * np.sqrt(prior.covariance[ip - 6, ip - 6])
+    # What comes after the gap tells of it as well as what came before.
+    assert blind.q_sd[155, ip] == pytest.approx(blind.q_sd[204, ip], rel=0.25)
     assert np.allclose(blind.q_sd[250, ip], track.q_sd[250, ip], rtol=0.1)
+    assert blind.sites_sd[180, tip] > 5 * track.sites_sd[180, tip]
 
 
 def test_recording_may_start_before_the_hand_is_seen(simulated):

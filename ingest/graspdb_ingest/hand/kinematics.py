@@ -1,5 +1,7 @@
 """Fast repeated kinematics of one hand: a workspace that inner loops move from frame to frame."""
 
+from functools import cached_property
+
 import mujoco
 import numpy as np
 
@@ -26,9 +28,8 @@ class Kinematics:
         self._data = mujoco.MjData(self.model)
         self._marker_ids = hand.marker_ids
         self._site_ids = hand.site_ids
-        shape = (len(self._marker_ids), 3, hand.n_dof)
-        self._jacobian = np.zeros(shape)
-        self._targets = [(self._jacobian[i], int(site)) for i, site in enumerate(self._marker_ids)]
+        self._marker_jacobian = np.zeros((len(self._marker_ids), 3, hand.n_dof))
+        self._site_jacobian = np.zeros((len(self._site_ids), 3, hand.n_dof))
 
     def move(self, q: Floats) -> None:
         """Take configuration `q`, shape (n_q,)."""
@@ -60,7 +61,22 @@ class Kinematics:
 
         The array is the workspace's own and is overwritten by the next call.
         """
+        return self._filled(self._marker_jacobian, self._marker_targets)
+
+    def site_jacobian(self) -> Floats:
+        """Return d(site) / d(degree of freedom), shape (20, 3, n_dof); overwritten by the next call."""
+        return self._filled(self._site_jacobian, self._site_targets)
+
+    @cached_property
+    def _marker_targets(self) -> list[tuple[Floats, int]]:
+        return list(zip(self._marker_jacobian, self._marker_ids.tolist(), strict=True))
+
+    @cached_property
+    def _site_targets(self) -> list[tuple[Floats, int]]:
+        return list(zip(self._site_jacobian, self._site_ids.tolist(), strict=True))
+
+    def _filled(self, jacobian: Floats, targets: list[tuple[Floats, int]]) -> Floats:
         mujoco.mj_comPos(self.model, self._data)
-        for target, site in self._targets:
+        for target, site in targets:
             mujoco.mj_jacSite(self.model, self._data, target, None, site)
-        return self._jacobian
+        return jacobian

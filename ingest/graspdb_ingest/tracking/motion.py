@@ -7,6 +7,7 @@ So a joint that no marker shows goes where joints go, and its standard deviation
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.fit import FREE
+
+Blocks = Floats
+"""A symmetric matrix over positions and velocities as `to_blocks` lays it out, shape (4, n, n)."""
 
 
 @dataclass(frozen=True)
@@ -38,21 +42,41 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Floats) -> Floats:
-        """Return A P A^T + Q, shape (2 * n_dof, 2 * n_dof)."""
-        n = len(self.position_position)
-        upper = self.position_position[:, None] * covariance[:n]
-        upper += self.position_velocity[:, None] * covariance[n:]
-        lower = self.velocity_position[:, None] * covariance[:n]
-        lower += self.velocity_velocity[:, None] * covariance[n:]
-        predicted = np.empty_like(covariance)
-        for rows, half in ((slice(None, n), upper), (slice(n, None), lower)):
-            predicted[rows, :n] = half[:, :n] * self.position_position
-            predicted[rows, :n] += half[:, n:] * self.position_velocity
-            predicted[rows, n:] = half[:, :n] * self.velocity_position
-            predicted[rows, n:] += half[:, n:] * self.velocity_velocity
-        predicted += self.noise
+    def predict_covariance(self, covariance: Blocks) -> Blocks:
+        """Return A P A^T + Q."""
+        predicted = _congruent(covariance, self._forward)
+        predicted += self._noise_blocks
         return predicted
+
+    def adjoint(self, vector: Floats) -> Floats:
+        """Return A^T x, shape (2 * n_dof,)."""
+        of_position, of_velocity = vector.reshape(2, -1)
+        return np.concatenate(
+            [
+                self.position_position * of_position + self.velocity_position * of_velocity,
+                self.position_velocity * of_position + self.velocity_velocity * of_velocity,
+            ]
+        )
+
+    def adjoint_matrix(self, matrix: Blocks) -> Blocks:
+        """Return A^T X A of a symmetric X."""
+        return _congruent(matrix, self._backward)
+
+    @cached_property
+    def _forward(self) -> Floats:
+        a, b = self.position_position, self.position_velocity
+        c, d = self.velocity_position, self.velocity_velocity
+        return _congruence(a, b, c, d)
+
+    @cached_property
+    def _backward(self) -> Floats:
+        a, b = self.position_position, self.velocity_position
+        c, d = self.position_velocity, self.velocity_velocity
+        return _congruence(a, b, c, d)
+
+    @cached_property
+    def _noise_blocks(self) -> Blocks:
+        return to_blocks(self.noise)
 
     def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Return the change of position over the step, and the velocity after it, each (n_dof,).
@@ -105,3 +129,47 @@ def motion_model(
         noise=(noise + noise.T) / 2,
         stationary=stationary,
     )
+
+
+def to_blocks(matrix: Floats) -> Blocks:
+    """Return the blocks of a symmetric matrix over positions and velocities, shape (4, n, n).
+
+    Their order is position-velocity, velocity-velocity, position-position, velocity-position: so
+    each half of the columns is one array, and so are the three that fix a symmetric matrix.
+    """
+    n = len(matrix) // 2
+    return np.array([matrix[:n, n:], matrix[n:, n:], matrix[:n, :n], matrix[n:, :n]])
+
+
+def from_blocks(blocks: Blocks) -> Floats:
+    """Return the matrix, shape (2 * n, 2 * n), that has these blocks."""
+    return np.block([[blocks[2], blocks[0]], [blocks[3], blocks[1]]])
+
+
+def left_half(blocks: Blocks) -> Floats:
+    """Return the columns of the positions, shape (2 * n, n): a view."""
+    return blocks[2:].reshape(-1, blocks.shape[2])
+
+
+def right_half(blocks: Blocks) -> Floats:
+    """Return the columns of the velocities, shape (2 * n, n): a view."""
+    return blocks[:2].reshape(-1, blocks.shape[2])
+
+
+def _congruence(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return what `_congruent` multiplies blocks with for B of the diagonals [[a, b], [c, d]]."""
+    rows = [
+        [np.outer(c, d), np.outer(d, d), np.outer(c, c), np.outer(d, c)],
+        [np.outer(a, b), np.outer(b, b), np.outer(a, a), np.outer(b, a)],
+        [np.outer(c, b), np.outer(d, b), np.outer(c, a), np.outer(d, a)],
+    ]
+    return np.array(rows).reshape(3, 4, -1)
+
+
+def _congruent(blocks: Blocks, factors: Floats) -> Blocks:
+    """Return B X B^T of a symmetric X, element by element, B's blocks being diagonal."""
+    result = np.empty_like(blocks)
+    flat = result.reshape(4, -1)
+    np.einsum("ijk,jk->ik", factors, blocks.reshape(4, -1), out=flat[1:])
+    result[0] = result[3].T
+    return result

@@ -9,10 +9,13 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import HandFilter, State
-from graspdb_ingest.tracking.fit import fit_frame, visible
-from graspdb_ingest.tracking.motion import motion_model
+from graspdb_ingest.tracking.filter import HandFilter, JointReadings, State, Update
+from graspdb_ingest.tracking.fit import SEVEN, fit_frame, visible
+from graspdb_ingest.tracking.glove import GloveMeasurement
+from graspdb_ingest.tracking.motion import MotionModel, motion_model
+from graspdb_ingest.tracking.smoother import ForwardPass
 from graspdb_schemas.errors import TrackingError
+from graspdb_schemas.vocabulary import N_SITES
 
 LOST_AFTER: Final = 10
 """Frames in a row with most of the seen markers rejected after which the hand counts as lost."""
@@ -32,6 +35,9 @@ class HandTrack:
         Standard deviations of the degrees of freedom.
     sites : ndarray, shape (n_frames, 20, 3)
         Centres of the spheres [m].
+    sites_sd : ndarray, shape (n_frames, 20)
+        Their standard deviations in space, the root of the trace of each one's covariance: the root
+        mean square distance to its true place that is to be expected [m].
     residuals : ndarray, shape (n_frames, n_markers, 3)
         Observed minus tracked marker positions [m], rejected markers included, NaN where not seen.
     used : ndarray of bool, shape (n_frames, n_markers)
@@ -43,6 +49,7 @@ class HandTrack:
     q: Floats
     q_sd: Floats
     sites: Floats
+    sites_sd: Floats
     residuals: Floats
     used: Bools
     at_limit: Bools
@@ -68,6 +75,7 @@ def track_hand(
     rate: float,
     prior: PosturePrior,
     parameters: TrackingParameters,
+    glove: GloveMeasurement | None = None,
 ) -> HandTrack:
     """Follow a hand through a recording.
 
@@ -83,6 +91,8 @@ def track_hand(
         Where joints usually are.
     parameters : TrackingParameters
         Noise, gate and movement.
+    glove : GloveMeasurement, optional
+        Joint angles of a data glove, in every frame.
 
     Returns
     -------
@@ -94,29 +104,85 @@ def track_hand(
     TrackingError
         If no frame has enough markers to start from.
     """
-    kinematics = Kinematics(hand)
-    marker_sd = np.full(len(hand.markers), parameters.marker_sd)
-    filter_ = HandFilter(
-        kinematics, motion_model(hand, prior, parameters, 1 / rate), prior, marker_sd, parameters.gate
-    )
     enough = visible(markers).sum(axis=1) >= parameters.minimum_start_markers
     if not enough.any():
         raise TrackingError(
             f"no frame shows {parameters.minimum_start_markers} of the hand's {len(hand.markers)} markers",
             "Check marker_names in session.yaml, or the recording's labels.",
         )
+    motion = motion_model(hand, prior, parameters, 1 / rate)
+    marker_sd = np.full(len(hand.markers), parameters.marker_sd)
+    kinematics = Kinematics(hand)
+    filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
     follower = _Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
-    q = np.full((len(markers), hand.n_q), np.nan)
-    q_sd = np.full((len(markers), hand.n_dof), np.nan)
-    used = np.zeros(markers.shape[:2], dtype=bool)
-    at_limit = np.zeros(len(markers), dtype=bool)
+    smoother = _Smoother(kinematics, motion, markers)
     for i, observed in enumerate(markers):
-        state, used[i], at_limit[i] = follower.step(observed)
-        if state is not None:
-            q[i] = state.q
-            q_sd[i] = np.sqrt(np.diagonal(state.covariance)[: hand.n_dof])
-    pose = hand.forward(q)
-    return HandTrack(q, q_sd, pose.sites, markers - pose.markers, used, at_limit)
+        followed = follower.step(observed, None if glove is None else glove.frame(i))
+        smoother.append(i, followed)
+    return smoother.finish()
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """A frame of the forward pass: what the filter made of it, None while the hand is not known."""
+
+    predicted: State | None
+    update: Update | None
+    started: bool = False
+
+
+class _Smoother:
+    """Collects the forward pass and smooths each stretch in which the hand was never lost."""
+
+    def __init__(self, kinematics: Kinematics, motion: MotionModel, markers: Floats) -> None:
+        hand = kinematics.hand
+        self._kinematics, self._motion, self._markers = kinematics, motion, markers
+        self._pass = ForwardPass(len(markers), hand.n_dof)
+        self._first = 0
+        self._q = np.full((len(markers), hand.n_q), np.nan)
+        self._q_sd = np.full((len(markers), hand.n_dof), np.nan)
+        self._sites = np.full((len(markers), N_SITES, 3), np.nan)
+        self._sites_sd = np.full((len(markers), N_SITES), np.nan)
+        self._residuals = np.full(markers.shape, np.nan)
+        self._used = np.zeros(markers.shape[:2], dtype=bool)
+        self._at_limit = np.zeros(len(markers), dtype=bool)
+
+    def append(self, frame: int, followed: _Followed) -> None:
+        """Take the next frame of the forward pass."""
+        if followed.started or followed.update is None:
+            self._smooth()
+            self._first = frame
+        if followed.predicted is not None and followed.update is not None:
+            update = followed.update
+            self._pass.append(followed.predicted, update)
+            self._q[frame], self._used[frame] = followed.predicted.q, update.used
+            self._at_limit[frame] = update.at_limit
+
+    def finish(self) -> HandTrack:
+        """Return the whole track."""
+        self._smooth()
+        return HandTrack(
+            self._q, self._q_sd, self._sites, self._sites_sd, self._residuals, self._used, self._at_limit
+        )
+
+    def _smooth(self) -> None:
+        hand, limits = self._kinematics.hand, self._kinematics.hand.joint_range
+        for part in self._pass.smooth(self._motion):
+            frames = range(self._first + part.frames.start, self._first + part.frames.stop)
+            jacobians = np.empty((len(frames), 3 * N_SITES, hand.n_dof))
+            for i, frame in enumerate(frames):
+                q = hand.integrate(self._q[frame], part.step[i])
+                q[SEVEN:] = np.clip(q[SEVEN:], limits[:, 0], limits[:, 1])
+                self._q[frame] = q
+                self._kinematics.move(q)
+                self._sites[frame] = self._kinematics.sites
+                self._residuals[frame] = self._markers[frame] - self._kinematics.markers
+                jacobians[i] = self._kinematics.site_jacobian().reshape(jacobians[i].shape)
+            variance = np.sum((jacobians @ part.covariance) * jacobians, axis=2)
+            rows = slice(frames.start, frames.stop)
+            self._q_sd[rows] = np.sqrt(np.diagonal(part.covariance, axis1=1, axis2=2))
+            self._sites_sd[rows] = np.sqrt(variance.reshape(len(frames), N_SITES, 3).sum(axis=2))
+        self._pass.clear()
 
 
 class _Follower:
@@ -141,21 +207,23 @@ class _Follower:
         self._doubtful = 0
         self._unseen = 0
 
-    def step(self, observed: Floats) -> tuple[State | None, Bools, bool]:
-        """Take one frame; return the state, the markers used and whether a joint is at its limit."""
+    def step(self, observed: Floats, readings: JointReadings | None = None) -> _Followed:
+        """Take one frame."""
         seen = visible(observed)
         self._unseen = 0 if seen.any() else self._unseen + 1
-        lost = self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after
-        if self._state is None or lost:
+        if self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after:
+            self._state = None
+        if self._state is None:
             if seen.sum() < self._minimum:
-                self._state = None if lost else self._state
-                return self._state, np.zeros(len(seen), dtype=bool), False
+                return _Followed(None, None)
             fit = fit_frame(self._kinematics, observed, self._prior, self._marker_sd)
-            update = self._filter.update(self._filter.start(fit.q), observed, gated=False)
-            self._doubtful = 0
+            predicted = self._filter.start(fit.q)
+            update = self._filter.update(predicted, observed, gated=False, readings=readings)
+            self._doubtful, started = 0, True
         else:
-            update = self._filter.update(self._filter.predict(self._state), observed)
+            predicted = self._filter.predict(self._state)
+            update = self._filter.update(predicted, observed, readings=readings)
             rejected = seen.sum() - update.used.sum()
-            self._doubtful = self._doubtful + 1 if 2 * rejected > seen.sum() else 0
+            self._doubtful, started = self._doubtful + 1 if 2 * rejected > seen.sum() else 0, False
         self._state = update.state
-        return update.state, update.used, update.at_limit
+        return _Followed(predicted, update, started)

@@ -129,7 +129,10 @@ def test_grasps_with_digits(database: graspdb.Database) -> None:
     pinches = ["s/anna_mug_1/right/0", "s/anna_mug_2/right/0", "s/ben_mug_1/right/0"]
     assert found(digits="thumb+index") == found(digits="index + thumb") == pinches
     assert found(digits="index+thumb", match="at_least") == [*pinches, "s/ben_mug_2/right/0"]
-    assert found(digits="thumb+ring+middle", match="at_most") == ["s/anna_jug_1/right/0", "s/ben_jug_1/left/0"]
+    assert found(digits="thumb+ring+middle", match="at_most") == [
+        "s/anna_jug_1/right/0",
+        "s/ben_jug_1/left/0",
+    ]
     assert found(digits="thumb+index", subject="ben") == ["s/ben_mug_1/right/0"]
     with pytest.raises(QueryError, match="no digit is called indx; there are thumb, index"):
         found(digits="thumb+indx")
@@ -149,7 +152,10 @@ def test_synergies(database: graspdb.Database) -> None:
     assert loadings.pop("index_mcp_flexion") == near(1.0)
     assert list(loadings.values()) == [near(0.0)] * 20
     standardised = database.query("synergies", normalisation="correlation").rows()
-    assert [row[1:4] for row in standardised] == [(near(1.0), near(0.5), near(0.5)), (near(1.0), near(0.5), near(1.0))]
+    assert [row[1:4] for row in standardised] == [
+        (near(1.0), near(0.5), near(0.5)),
+        (near(1.0), near(0.5), near(1.0)),
+    ]
     # In the trials with a mug the angle is the time, in those with a jug nothing moves; all frames are rows.
     moving = database.query("synergies", postures="movements", object="mug", subject="ben").rows()
     assert [row[1:5] for row in moving] == [(near(2 * 0.175 / 11), near(1.0), near(1.0), 12)]

@@ -1,0 +1,13 @@
+"""``graspdb validate``: estimates against measurements, one module for each kind."""
+
+import typer
+
+from graspdb.commands.validate_contacts import contacts
+
+validate = typer.Typer(
+    name="validate",
+    help="Compare what a database says with measurements of the same thing.",
+    rich_markup_mode=None,
+    no_args_is_help=True,
+)
+validate.command()(contacts)

@@ -1,0 +1,1 @@
+"""Estimates in a database against measurements of the same thing."""

@@ -1,0 +1,117 @@
+"""Backward pass of the Kalman smoother: every frame corrected by all that came after it.
+
+The Rauch-Tung-Striebel smoother in the form of Bryson and Frazier (modified by Bierman 1973), which
+gives the same estimates and needs no inverse of a covariance: an adjoint vector and matrix are
+carried backwards, and a measurement changes what they say of positions only. Corrections are taken in the
+tangent space of the filter's configuration, where the filter's errors are.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.tracking.filter import State, Update
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, right_half
+
+BLOCK: Final = 256
+"""Frames that are smoothed before anything is done with them."""
+DOUBLE_FRAMES: Final = 12_000
+"""Longer recordings keep their forward pass in single precision, 10 kB a frame for 29 degrees of freedom."""
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A stretch of frames, corrected by what came after them.
+
+    Attributes
+    ----------
+    frames : slice
+        Which frames of the forward pass.
+    step : ndarray, shape (n, n_dof)
+        What to add to the filter's predicted configurations, in the degrees of freedom.
+    covariance : ndarray, shape (n, n_dof, n_dof)
+        Covariance of the positions.
+    """
+
+    frames: slice
+    step: Floats
+    covariance: Floats
+
+
+class ForwardPass:
+    """What the backward pass needs of each frame of the forward pass.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames at the most.
+    n_dof : int
+        Degrees of freedom.
+    """
+
+    def __init__(self, n_frames: int, n_dof: int) -> None:
+        kind = np.float64 if n_frames <= DOUBLE_FRAMES else np.float32
+        self._columns = np.empty((n_frames, 2 * n_dof, n_dof), dtype=kind)
+        self._inverse = np.empty((n_frames, n_dof, n_dof), dtype=kind)
+        self._weighted = np.empty((n_frames, n_dof))
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def append(self, predicted: State, update: Update) -> None:
+        """Take the next frame."""
+        i = self._length
+        self._columns[i] = left_half(predicted.blocks)
+        self._inverse[i] = update.inverse
+        self._weighted[i] = update.weighted
+        self._length += 1
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._length = 0
+
+    def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
+        """Yield the smoothed frames, block by block, the last block first.
+
+        Parameters
+        ----------
+        motion : MotionModel
+            The step between frames that the forward pass predicted with.
+        """
+        n = self._weighted.shape[1]
+        adjoint: Floats = np.zeros(2 * n)
+        matrix: Blocks = np.zeros((4, n, n))
+        for stop in range(self._length, 0, -BLOCK):
+            frames = slice(max(0, stop - BLOCK), stop)
+            columns = self._columns[frames].astype(float)
+            inverse = self._inverse[frames].astype(float)
+            steps, covariances = np.empty((len(columns), n)), np.empty(inverse.shape)
+            for i in reversed(range(len(columns))):
+                left = columns[i]
+                # Through the measurement: its I - K H leaves velocities alone.
+                through = left @ -inverse[i]
+                through.reshape(-1)[: n * n : n + 1] += 1
+                reduced = _times(matrix, through)
+                corner = through.T @ reduced + inverse[i]
+                matrix[2] = (corner + corner.T) * 0.5
+                matrix[3] = reduced[n:]
+                matrix[0] = reduced[n:].T
+                adjoint[:n] = adjoint @ through - self._weighted[frames.start + i]
+                steps[i] = -(adjoint @ left)
+                covariances[i] = left[:n] - left.T @ _times(matrix, left)
+                # Back over the step between frames.
+                adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
+                matrix[1] = (matrix[1] + matrix[1].T) * 0.5
+            yield Smoothed(frames, steps, covariances)
+
+
+def _times(matrix: Blocks, columns: Floats) -> Floats:
+    """Return X C for columns C of shape (2 * n, n)."""
+    n = columns.shape[1]
+    product = left_half(matrix) @ columns[:n]
+    product += right_half(matrix) @ columns[n:]
+    return product
