@@ -44,7 +44,8 @@ def test_where_grasped(database: graspdb.Database) -> None:
     assert [row[7] for row in rows] == [1.0, 1.0, 0.5, 1.0, 1.0]
     # Contacts on points 0 to 4: 3, 1, 1, 1 and 6; each counts for its neighbours too.
     assert [row[8] * 4 * pi * 0.015**2 for row in rows] == [near(n) for n in (4, 5, 3, 8, 7)]
-    assert [row[9] for row in rows] == [0.25, 0.5, 0.75, 0.5, 0.0]
+    assert [row[9] for row in rows] == [0.75, 0.25, 0.25, 0.25, 0.75]
+    assert [row[10] for row in rows] == [0.25, 0.5, 0.75, 0.5, 0.0]
     alone = database.query("where_grasped", object="mug", radius=0.005, subject="ben").rows()
     assert [row[7] for row in alone] == [0.5, 0.5, 0.0, 0.5, 0.5]
 
@@ -77,7 +78,9 @@ def test_hull_volume(database: graspdb.Database) -> None:
 
 
 def test_quality_by_object(database: graspdb.Database) -> None:
-    epsilon, volume = database.query("quality_by_object").rows()
+    epsilon, closed, open_, volume = database.query("quality_by_object").rows()
+    assert closed == ("mug", "force_closure", 4, 0.5, near(sqrt(1 / 3)), 0.0, 0.5, 1.0)
+    assert open_ == ("jug", "force_closure", 2, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert epsilon == ("mug", "epsilon", 3, near(0.2), near(0.1), 0.1, near(0.2), 0.3)
     assert volume == ("mug", "volume", 1, 0.01, None, 0.01, 0.01, 0.01)
 
