@@ -59,7 +59,10 @@ GRASPS = (
         {"thumb": 0.3, "index": 0.4, "middle": 0.4, "ring": 0.4, "little": 0.5},
         None, 0.4, -0.1, 9e-5, trial={"residual_rms": 0.006},
     ),
-    Grasp("anna", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.3, "ring": 0.4}, [0, 1], 0.4, 0.0, 4e-5),
+    Grasp(
+        "anna", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.3, "ring": 0.4},
+        [0, 1], 0.4, 0.0, 4e-5,
+    ),
     Grasp(
         "ben", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.4, "ring": 0.3},
         [0, 1], 0.4, 0.1, 6e-5, side="left",

@@ -184,11 +184,15 @@ def _source(
     if name == "trials":
         return TableSource(files=tuple(files.paths.to_pylist()))
     seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
-    files = TableFiles(*(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest)))
+    files = TableFiles(
+        *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
+    )
     whole = files.single
     if name in TRIAL_TABLES and pc.any(pc.invert(whole)).as_py():
         ids, written = written_rows(table_rows(), name)
-        whole = pc.or_(whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written)))
+        whole = pc.or_(
+            whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written))
+        )
     return TableSource(
         files=tuple(files.paths.filter(whole).to_pylist()),
         mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),

@@ -1,21 +1,13 @@
 """Aggregates over a large database, against the same SQL on Parquet files written by hand."""
 
-import os
-import tempfile
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from time import perf_counter
 from typing import Any, Final
 
-import duckdb
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from deltalake import WriterProperties, write_deltalake
-from harness import Result, benchmark
 
-import graspdb
 from graspdb.store import Store
 from graspdb_queries.named import named_query
 from graspdb_schemas.tables import TABLES
@@ -31,7 +23,9 @@ PATTERNS: Final = 500
 """Different sets of touching sites; postures and other arrays come from as many that are drawn at random."""
 
 AGGREGATES: Final = {
-    "contact frequency": named_query("contact_frequency").sql.replace("$object", "NULL").replace("$subject", "NULL"),
+    "contact frequency": named_query("contact_frequency")
+    .sql.replace("$object", "NULL")
+    .replace("$subject", "NULL"),
     "digits by object": named_query("digits_used").sql.replace("$object", "NULL").replace("$subject", "NULL"),
     "hull volume by object": "SELECT object, count(*), avg(hull_volume), stddev_samp(hull_volume), "
     "quantile_cont(hull_volume, [0.05, 0.5, 0.95]) FROM grasps GROUP BY object ORDER BY object",
@@ -46,7 +40,9 @@ class Maker:
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
         self.rng = rng
-        touching = [np.sort(rng.choice(len(SITES), CONTACTS_PER_GRASP, replace=False)) for _ in range(PATTERNS)]
+        touching = [
+            np.sort(rng.choice(len(SITES), CONTACTS_PER_GRASP, replace=False)) for _ in range(PATTERNS)
+        ]
         self.touching = np.array(touching)
         self.sites = pa.array([[SITES[i] for i in sites] for sites in touching])
         self.digits = pa.array([list(dict.fromkeys(DIGIT_OF_SITE[i] for i in sites)) for sites in touching])
@@ -61,15 +57,29 @@ class Maker:
         trials = np.arange(number * TRIALS_PER_COMMIT, (number + 1) * TRIALS_PER_COMMIT)
         subject, object_ = trials % len(SUBJECTS), trials // len(SUBJECTS) % len(OBJECTS)
         session = np.full(len(trials), number)
-        keys = pa.array([f"study-{s:02}/s{a}_{OBJECTS[o]}_{t:06}" for s, a, o, t in zip(session, subject, object_, trials, strict=True)])
-        ids = pa.array([f"{0x18eb294C22C49000 + 4096 * int(t):016x}-{int(t) * 2654435761 % 2**48:012x}" for t in trials])
+        keys = pa.array(
+            [
+                f"study-{s:02}/s{a}_{OBJECTS[o]}_{t:06}"
+                for s, a, o, t in zip(session, subject, object_, trials, strict=True)
+            ]
+        )
+        ids = pa.array(
+            [f"{0x18EB294C22C49000 + 4096 * int(t):016x}-{int(t) * 2654435761 % 2**48:012x}" for t in trials]
+        )
         grasp_trial = np.repeat(np.arange(len(trials)), GRASPS_PER_TRIAL)
-        grasps = pa.array([f"{keys[t]}/right/{i}" for t in range(len(trials)) for i in range(GRASPS_PER_TRIAL)])
+        grasps = pa.array(
+            [f"{keys[t]}/right/{i}" for t in range(len(trials)) for i in range(GRASPS_PER_TRIAL)]
+        )
         n, pattern = len(grasps), self.rng.integers(PATTERNS, size=len(grasps))
         contact_grasp = np.repeat(np.arange(n), CONTACTS_PER_GRASP)
         touching = self.touching[pattern].ravel()
         sessions = pa.array([f"study-{s:02}" for s in session])
-        context = pa.array([[f"{0x18eb294C22C40000 + part:016x}-{s:012x}-{s * 97 + part:032x}" for part in range(4)] for s in session])
+        context = pa.array(
+            [
+                [f"{0x18EB294C22C40000 + part:016x}-{s:012x}-{s * 97 + part:032x}" for part in range(4)]
+                for s in session
+            ]
+        )
         columns: dict[str, dict[str, Any]] = {
             "trials": {
                 "session": sessions,
@@ -80,7 +90,8 @@ class Maker:
                 "n_grasps": pa.repeat(GRASPS_PER_TRIAL, len(trials)),
                 "context": context,
                 "table_rows": pa.array(
-                    [[("grasps", GRASPS_PER_TRIAL), ("contacts", GRASPS_PER_TRIAL * CONTACTS_PER_GRASP)]] * len(trials),
+                    [[("grasps", GRASPS_PER_TRIAL), ("contacts", GRASPS_PER_TRIAL * CONTACTS_PER_GRASP)]]
+                    * len(trials),
                     TABLES["trials"].field("table_rows").type,
                 ),
                 "ingest_id": ids,
@@ -122,7 +133,9 @@ def _declared(name: str, given: dict[str, Any]) -> pa.Table:
     n = len(given["ingest_id"])
     schema = pa.schema([field.with_nullable(True) for field in TABLES[name]])
     columns = [pa.nulls(n, field.type) if field.name not in given else given[field.name] for field in schema]
-    return pa.Table.from_arrays([pa.array(c) if isinstance(c, np.ndarray) else c for c in columns], schema.names).cast(schema)
+    return pa.Table.from_arrays(
+        [pa.array(c) if isinstance(c, np.ndarray) else c for c in columns], schema.names
+    ).cast(schema)
 
 
 def build(folder: Path) -> None:
@@ -133,7 +146,9 @@ def build(folder: Path) -> None:
     for number in range(N_TRIALS // TRIALS_PER_COMMIT):
         for name, rows in maker.commit(number).items():
             write_deltalake(
-                str(store.path / name), rows.cast(TABLES[name]), mode="append",
+                str(store.path / name),
+                rows.cast(TABLES[name]),
+                mode="append",
                 writer_properties=WriterProperties(compression="ZSTD", compression_level=3),
             )
             if name != "trials":
