@@ -17,6 +17,7 @@ from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.solid import Inside
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.quality import GraspQuality, grasp_quality
@@ -49,6 +50,8 @@ class Grasp:
         The object's points in it.
     shape : FeatureShape
         The feature's pieces, how it bends and which side of the hand it faces.
+    inside : Inside or None
+        Volume and surface of the object in the enclosing space; None where its mesh bounds no body.
     quality : GraspQuality
         How well the contacts can hold the object.
     """
@@ -60,6 +63,7 @@ class Grasp:
     space: EnclosingSpace
     feature: GraspableFeature
     shape: FeatureShape
+    inside: Inside | None
     quality: GraspQuality
 
 
@@ -122,10 +126,13 @@ def enclose(
     contacts = find_contacts(gaps.gap, gaps.nearest, h, prepared.cloud)
     space = enclosing_space(sites[contacts.sites], radii[contacts.sites], vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
-    shape = feature_shape(prepared.cloud, prepared.curvatures, feature.points, rotation, side)
+    shape = feature_shape(
+        prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
+    )
+    inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, side, hold, contacts, space, feature, shape, quality)
+    return Grasp(key, side, hold, contacts, space, feature, shape, inside, quality)
 
 
 def grasp_rows(
@@ -212,6 +219,8 @@ def held_columns(
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
+        "object_volume_in_hull": None if grasp.inside is None else grasp.inside.volume,
+        "object_area_in_hull": None if grasp.inside is None else grasp.inside.area,
         "quality": list(grasp.quality.indices().items()),
         "force_closure": grasp.quality.force_closure,
     }
