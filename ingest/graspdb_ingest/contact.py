@@ -49,6 +49,10 @@ class Contacts:
         The contact points and the outward normals there, object frame [m].
     gap : ndarray, shape (k,)
         Signed distances [m].
+    segments : tuple of str
+        The segment of the hand that touches, where it is known.
+    pads : tuple of str
+        The side of it: palmar, dorsal, radial, ulnar or tip.
     """
 
     sites: NDArray[np.int64]
@@ -56,6 +60,8 @@ class Contacts:
     positions: Floats
     normals: Floats
     gap: Floats
+    segments: tuple[str, ...] = ()
+    pads: tuple[str, ...] = ()
 
     @property
     def site_names(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import numpy as np
 import pyarrow as pa
 
 from graspdb_ingest.columns import list_column, number_column
+from graspdb_ingest.contact_events import FREE, TOUCHES, UNKNOWN
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.conform import rows_schema
@@ -52,13 +53,19 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "object_position": list_column(positions),
             "object_quaternion": list_column(quaternions),
             "object_residual": number_column(residuals),
-            "gap": list_column(hand.gaps.gap),
+            "gap": list_column(hand.posed.gaps.gap),
+            "touching": _touching(hand),
             "residual": number_column(track.residual_rms),
             "n_markers": track.used.sum(axis=1),
             "flags": _flags(hand),
         },
         schema=rows_schema("frames"),
     )
+
+
+def _touching(hand: TrackedHand) -> list[list[bool | None]]:
+    meaning = {TOUCHES: True, FREE: False, UNKNOWN: None}
+    return [[meaning[state] for state in frame] for frame in hand.states.tolist()]
 
 
 def _flags(hand: TrackedHand) -> list[list[str]]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.contact import Contacts, Gaps, find_contacts
+from graspdb_ingest.contact import Contacts
 from graspdb_ingest.enclosure import (
     EnclosingSpace,
     box_volume,
@@ -22,6 +22,7 @@ from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.quality import GraspQuality, grasp_quality
 from graspdb_ingest.rigid import inverse_transform_points
+from graspdb_ingest.surface.touch import PosedHand, touching
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -72,59 +73,49 @@ def find_grasps(trial: str, tracked: TrackedTrial, parameters: IngestParameters)
     if tracked.object is None:
         return []
     return [
-        _grasp(f"{trial}/{side}/{number}", side, hold, hand, tracked.object, parameters)
+        _grasp(f"{trial}/{side}/{number}", hold, hand, tracked.object, parameters)
         for side, hand in tracked.hands.items()
         for number, hold in enumerate(hand.holds)
     ]
 
 
 def _grasp(
-    key: str,
-    side: Side,
-    hold: Hold,
-    hand: TrackedHand,
-    followed: TrackedObject,
-    parameters: IngestParameters,
+    key: str, hold: Hold, hand: TrackedHand, followed: TrackedObject, parameters: IngestParameters
 ) -> Grasp:
-    gaps = Gaps(hand.gaps.gap[hold.snapshot], hand.gaps.nearest[hold.snapshot])
-    sites, radii = hand.sites_object[hold.snapshot], hand.prepared.hand.radii
+    posed = hand.posed.frame(hold.snapshot)
     rotation = _object_from_hand(hand, followed, hold.snapshot)[:3, :3]
-    return enclose(key, side, hold, sites, radii, rotation, gaps, followed.prepared, parameters)
+    return enclose(key, hold, posed, rotation, followed.prepared, parameters)
 
 
 def enclose(
     key: str,
-    side: Side,
     hold: Hold,
-    sites: Floats,
-    radii: Floats,
+    posed: PosedHand,
     rotation: Floats,
-    gaps: Gaps,
     prepared: PreparedObject,
     parameters: IngestParameters,
 ) -> Grasp:
     """Return the grasp of a hand at one instant: contacts, enclosing space and graspable feature.
 
+    Whatever surface of the hand touches, it is the spheres of the touching sites that enclose.
+
     Parameters
     ----------
-    key, side, hold
-        What the grasp is called, whose it is, and when.
-    sites : ndarray, shape (20, 3)
-        Sphere centres in the object frame [m].
-    radii : ndarray, shape (20,)
-        Sphere radii [m].
+    key, hold
+        What the grasp is called, and when.
+    posed : PosedHand
+        The hand at that instant, and its gaps.
     rotation : ndarray, shape (3, 3)
         object_from_hand rotation of the hand segment.
-    gaps : Gaps
-        Gaps of these spheres, shape (20,).
     prepared : PreparedObject
         The object.
     parameters : IngestParameters
         Contact, enclosing space and quality.
     """
-    h, vertices = parameters.contact.threshold, parameters.contact.sphere_vertices
-    contacts = find_contacts(gaps.gap, gaps.nearest, h, prepared.cloud)
-    space = enclosing_space(sites[contacts.sites], radii[contacts.sites], vertices)
+    side = posed.points.side
+    contacts = touching(posed, parameters.contact.threshold, prepared.distance)
+    centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
+    space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
     shape = feature_shape(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
@@ -173,7 +164,7 @@ def _grasp_row(
     parameters: ContactParameters,
 ) -> dict[str, object]:
     hold, frame, lift = grasp.hold, grasp.hold.snapshot, grasp.hold.lift_onset
-    held = held_columns(grasp, hand.sites_object[frame], hand.gaps.gap[frame], parameters)
+    held = held_columns(grasp, hand.posed.frame(frame), parameters)
     return held | {
         "snapshot_time": float(times[frame]),
         "onset_time": float(times[hold.first]),
@@ -184,23 +175,19 @@ def _grasp_row(
     }
 
 
-def held_columns(
-    grasp: Grasp, sites: Floats, gap: Floats, parameters: ContactParameters
-) -> dict[str, object]:
-    """Return the columns of `grasps` that follow from the hand's spheres at the snapshot alone.
+def held_columns(grasp: Grasp, posed: PosedHand, parameters: ContactParameters) -> dict[str, object]:
+    """Return the columns of `grasps` that follow from the hand at the snapshot alone.
 
     Parameters
     ----------
     grasp : Grasp
         The grasp.
-    sites : ndarray, shape (20, 3)
-        Sphere centres in the object frame [m].
-    gap : ndarray, shape (20,)
-        Their signed distances to the object's cloud [m].
+    posed : PosedHand
+        The hand at the snapshot, object frame.
     parameters : ContactParameters
         The threshold that the contacts were found with.
     """
-    space = grasp.space
+    space, sites = grasp.space, posed.points.sites
     return {
         "grasp": grasp.key,
         "side": str(grasp.side),
@@ -211,7 +198,7 @@ def held_columns(
         "n_contacts": len(grasp.contacts.sites),
         "contact_threshold": parameters.threshold,
         "sites_object": sites.tolist(),
-        "gap": gap.tolist(),
+        "gap": posed.gaps.gap.tolist(),
         "grip_aperture": float(np.linalg.norm(sites[THUMB_TIP] - sites[INDEX_TIP])),
         "hull_volume": space.volume,
         "box_volume": box_volume(space),
@@ -251,6 +238,8 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
             "position": found.positions[i].tolist(),
             "normal": found.normals[i].tolist(),
             "gap": float(found.gap[i]),
+            "segment": found.segments[i],
+            "pad": found.pads[i],
         }
         for i, site in enumerate(found.sites)
     ]

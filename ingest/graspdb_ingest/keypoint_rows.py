@@ -7,13 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 
+from graspdb_ingest.contact_rows import map_row
 from graspdb_ingest.grasp_rows import Grasp, contact_rows, feature_row, held_columns
-from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.input_key import software_version
 from graspdb_ingest.keypoints import KeyPointGrasp, object_from_hand, static_grasp
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.session_rows import object_point_rows, object_row
+from graspdb_ingest.surface.touch import PosedHand
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.conform import rows_schema
 
@@ -59,7 +60,7 @@ def keypoint_rows(
 
     The lab frame of such a trial is the object's.
     """
-    grasp, gap = static_grasp(described, prepared, parameters)
+    grasp, posed = static_grasp(described, prepared, parameters)
     trial, name = described.trial, prepared.name
     common = {
         "session": described.session,
@@ -71,10 +72,11 @@ def keypoint_rows(
     }
     rows = {
         "trials": [common | _trial_columns(described, prepared, parameters)],
-        "frames": [_frame(described, gap)],
-        "grasps": [common | _grasp_columns(described, grasp, gap, parameters)],
+        "frames": [_frame(described, posed)],
+        "grasps": [common | _grasp_columns(described, grasp, posed, parameters)],
         "contacts": contact_rows(trial, grasp),
         "features": [feature_row(described.session, trial, name, grasp)],
+        "contact_maps": [map_row(described.session, trial, prepared, posed, grasp.key, parameters.contact)],
     }
     return TrialTables(
         {
@@ -123,7 +125,7 @@ def _input_key(described: KeyPointGrasp, prepared: PreparedObject, parameters: I
     return digest.hexdigest()
 
 
-def _frame(described: KeyPointGrasp, gap: Floats) -> dict[str, object]:
+def _frame(described: KeyPointGrasp, posed: PosedHand) -> dict[str, object]:
     return {
         "trial": described.trial,
         "side": str(described.side),
@@ -132,17 +134,17 @@ def _frame(described: KeyPointGrasp, gap: Floats) -> dict[str, object]:
         "sites": described.sites.tolist(),
         "object_position": [0.0, 0.0, 0.0],
         "object_quaternion": [1.0, 0.0, 0.0, 0.0],
-        "gap": gap.tolist(),
+        "gap": posed.gaps.gap.tolist(),
         "flags": [],
     }
 
 
 def _grasp_columns(
-    described: KeyPointGrasp, grasp: Grasp, gap: Floats, parameters: IngestParameters
+    described: KeyPointGrasp, grasp: Grasp, posed: PosedHand, parameters: IngestParameters
 ) -> dict[str, object]:
     pose = object_from_hand(described.key_points, described.dimensions, described.side)
     return {
-        **held_columns(grasp, described.sites, gap, parameters.contact),
+        **held_columns(grasp, posed, parameters.contact),
         "snapshot_time": 0.0,
         "object_from_hand": pose.tolist(),
     }

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from graspdb_ingest.contact import signed_gaps
 from graspdb_ingest.events import Hold
 from graspdb_ingest.grasp_rows import Grasp, enclose
 from graspdb_ingest.hand import HandDimensions
@@ -23,6 +22,8 @@ from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.rigid import fit_rigid
+from graspdb_ingest.surface import HandPoints
+from graspdb_ingest.surface.touch import PosedHand, pose_hand
 from graspdb_schemas.errors import ParameterError
 from graspdb_schemas.vocabulary import FINGERS, KEY_POINTS, Side
 
@@ -155,15 +156,13 @@ def object_from_hand(key_points: Floats, dimensions: HandDimensions, side: Side)
 
 def static_grasp(
     described: KeyPointGrasp, prepared: PreparedObject, parameters: IngestParameters
-) -> tuple[Grasp, Floats]:
-    """Return contacts, enclosing space and feature of a static grasp, and its gaps, shape (20,) [m]."""
-    radii = described.dimensions.radii
-    gaps = signed_gaps(described.sites, radii, prepared.cloud)
+) -> tuple[Grasp, PosedHand]:
+    """Return contacts, enclosing space and feature of a static grasp, and the hand with its gaps."""
+    points = HandPoints(described.key_points[None], described.dimensions.radii, described.side)
+    posed = pose_hand(points, parameters.contact.surface, prepared.distance).frame(0)
+    rotation = object_from_hand(described.key_points, described.dimensions, described.side)[:3, :3]
     key = f"{described.trial}/{described.side}/0"
-    side, sites = described.side, described.sites
-    rotation = object_from_hand(described.key_points, described.dimensions, side)[:3, :3]
-    grasp = enclose(key, side, STATIC, sites, radii, rotation, gaps, prepared, parameters)
-    return grasp, gaps.gap
+    return enclose(key, STATIC, posed, rotation, prepared, parameters), posed
 
 
 def _lengths(key_points: Floats) -> Floats:

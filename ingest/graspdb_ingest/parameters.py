@@ -106,6 +106,8 @@ class EventParameters:
         Share of a hold's largest number of touching sites that its steadiest frame must have.
     smoothing : float
         Cut-off of the low-pass filter on the paths of object and hand [Hz].
+    minimum_contact : float
+        Shortest contact of a site that is an event, and shortest time without contact that ends one [s].
     """
 
     rest_speed: float = 0.015
@@ -118,6 +120,7 @@ class EventParameters:
     release_margin: float = 0.004
     steady_contacts: float = 0.8
     smoothing: float = 6.0
+    minimum_contact: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -130,10 +133,16 @@ class ContactParameters:
         h of equation 3 [m].
     sphere_vertices : int
         Vertices that stand for a sphere in the hull; the paper has 64.
+    surface : str
+        Surface of the hand whose gaps are taken: ``spheres``, ``capsules`` or ``skin``.
+    map_reach : float
+        Object points up to this far from the hand's surface are in the contact map [m].
     """
 
     threshold: float = 0.004
     sphere_vertices: int = 64
+    surface: str = "spheres"
+    map_reach: float = 0.02
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """What is done once for a session, before its trials: clouds of objects, calibrated hands."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +15,14 @@ from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.curvature import principal_curvatures
+from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.objects.solid import Solid
 from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
-from graspdb_ingest.tracking.calibration import calibrate_hand
+from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
 from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
@@ -40,6 +41,8 @@ class PreparedObject:
         The mesh or cloud as loaded.
     cloud : ObjectCloud
         Evenly spaced points.
+    distance : ObjectDistance
+        How far it is: exact to the mesh, where there is one.
     histograms : ndarray of float32, shape (n_points, 33)
         FPFH of every point.
     marker_labels : tuple of str
@@ -59,6 +62,7 @@ class PreparedObject:
     name: str
     surface: Surface
     cloud: ObjectCloud
+    distance: ObjectDistance
     histograms: NDArray[np.float32]
     marker_labels: tuple[str, ...]
     marker_positions: Floats
@@ -82,8 +86,8 @@ class PreparedHand:
         Where its joints usually are.
     calibrated_markers : tuple of str
         Markers whose offsets the manifest left to be found.
-    before, after : ndarray, shape (n_markers,)
-        Rms distance of each marker to the model before and after calibration [m].
+    calibration : Calibration
+        How it was found, and how far its markers lie from it.
     notes : tuple of str
         What to know of the hand's model.
     """
@@ -92,8 +96,7 @@ class PreparedHand:
     hand: HandModel
     prior: PosturePrior
     calibrated_markers: tuple[str, ...]
-    before: Floats
-    after: Floats
+    calibration: Calibration
     notes: tuple[str, ...] = ()
 
 
@@ -106,6 +109,7 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         name=described.name,
         surface=surface,
         cloud=cloud,
+        distance=ObjectDistance(surface, cloud),
         histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
@@ -137,12 +141,7 @@ def prepare_hand(
     file = subject_hand(session, subject, side)
     hand = file.hand
     prior = default_prior(hand)
-    recordings = _hand_recordings(session, subject, side)
-    if not recordings:
-        raise TrackingError(
-            f"no recording of subject {subject.name} shows the {side} hand",
-            "Check the trials' files and marker_names in session.yaml.",
-        )
+    recordings = hand_recordings(session, subject, side)
     with threadpool_limits(1):
         calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
     return PreparedHand(
@@ -150,14 +149,25 @@ def prepare_hand(
         hand=calibration.hand,
         prior=prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
-        before=calibration.before,
-        after=calibration.after,
+        calibration=calibration,
         notes=file.notes,
     )
 
 
-def _hand_recordings(session: Session, subject: Subject, side: Side) -> Sequence[Floats]:
-    found = []
+def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[Floats]:
+    """Read the recordings of a subject's hand one after the other, as they are asked for.
+
+    Yields
+    ------
+    ndarray, shape (n_frames, n_markers, 3)
+        The hand's markers [m].
+
+    Raises
+    ------
+    TrackingError
+        If none of them shows the hand.
+    """
+    found = False
     for file in calibration_files(session, subject):
         trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
         own = next((t for t in session.trials if t.file == file), trial)
@@ -167,5 +177,10 @@ def _hand_recordings(session: Session, subject: Subject, side: Side) -> Sequence
         except GraspDBError:
             continue
         if markers is not None and np.isfinite(markers).any():
-            found.append(markers)
-    return found
+            found = True
+            yield markers
+    if not found:
+        raise TrackingError(
+            f"no recording of subject {subject.name} shows the {side} hand",
+            "Check the trials' files and marker_names in session.yaml.",
+        )

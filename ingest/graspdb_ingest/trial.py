@@ -1,17 +1,23 @@
 """One trial from its recording to its rows: track, gap, hold, contact, enclose, describe."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from graspdb_ingest.contact import Gaps, no_gaps, signed_gaps
+from graspdb_ingest.contact_events import UNKNOWN, ContactEvent, States, contact_events, contact_states
 from graspdb_ingest.events import Hold, find_holds
+from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
+from graspdb_ingest.surface import HandPoints, key_points
+from graspdb_ingest.surface.touch import PosedHand, pose_hand
+from graspdb_ingest.tracking.fit import FREE, SEVEN
+from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.errors import TrackingError
@@ -46,17 +52,26 @@ class TrackedHand:
         Posture in every frame.
     sites_object : ndarray, shape (n_frames, 20, 3)
         Sphere centres in the object frame [m], NaN where hand or object is not known.
-    gaps : Gaps
-        Signed distances in every frame, NaN where hand or object is not known.
+    posed : PosedHand
+        Its surface and gaps in every frame, NaN where hand or object is not known.
+    states : ndarray of int, shape (n_frames, 20)
+        Whether each site touches, is free, or is unknown.
+    events : tuple of ContactEvent
+        When each site touched.
     holds : tuple of Hold
         When the hand held the object.
+    glove : GloveFit or None
+        What its data glove was worth, where it wore one.
     """
 
     prepared: PreparedHand
     track: HandTrack
     sites_object: Floats
-    gaps: Gaps
+    posed: PosedHand
+    states: States
+    events: tuple[ContactEvent, ...]
     holds: tuple[Hold, ...]
+    glove: GloveFit | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,7 @@ def track_trial(
     prepared: PreparedObject | None,
     up: Floats,
     parameters: IngestParameters,
+    gloves: Mapping[Side, GloveAngles] | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -99,6 +115,8 @@ def track_trial(
         Vertical of the lab frame.
     parameters : IngestParameters
         All thresholds.
+    gloves : mapping of Side to GloveAngles, optional
+        Data gloves that the hands wore.
 
     Raises
     ------
@@ -117,12 +135,37 @@ def track_trial(
         )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(
-            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
-        )
+        track = _follow(hand, markers, side, parameters)
+        glove = None
+        if gloves is not None and side in gloves:
+            glove = _compare(gloves[side], hand, markers, track, parameters)
+            track = _follow(hand, markers, side, parameters, glove.measurement)
         _check(track, side, parameters)
-        tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
+        tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
+
+
+def _follow(
+    hand: PreparedHand,
+    markers: TrialMarkers,
+    side: Side,
+    parameters: IngestParameters,
+    glove: GloveMeasurement | None = None,
+) -> HandTrack:
+    rate = markers.recording.rate
+    return track_hand(hand.hand, markers.hands[side], rate, hand.prior, parameters.tracking, glove)
+
+
+def _compare(
+    glove: GloveAngles,
+    hand: PreparedHand,
+    markers: TrialMarkers,
+    track: HandTrack,
+    parameters: IngestParameters,
+) -> GloveFit:
+    """Compare a glove with the hand that was followed by its markers alone."""
+    angles, angles_sd = track.q[:, SEVEN:], track.q_sd[:, FREE:]
+    return fit_glove(glove, hand.hand, markers.times, angles, angles_sd, parameters.glove)
 
 
 def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:
@@ -150,22 +193,34 @@ def _with_holds(
     up: Floats,
     parameters: IngestParameters,
 ) -> TrackedHand:
+    n_frames = len(markers.times)
+    sites, wrists = np.full((n_frames, 20, 3), np.nan), np.full((n_frames, 3), np.nan)
+    if followed is not None:
+        pose = followed.track
+        sites = inverse_transform_points(
+            pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
+        )
+        wrists = inverse_transform_points(pose.rotations, pose.positions, _wrists(hand, track))[:, 0]
+    points = HandPoints(key_points(wrists, sites), hand.hand.radii, hand.hand.side)
+    name, threshold, timing = parameters.contact.surface, parameters.contact.threshold, parameters.events
     if followed is None:
-        nowhere = np.full(track.sites.shape, np.nan)
-        return TrackedHand(hand, track, nowhere, no_gaps(nowhere), ())
-    pose, cloud = followed.track, followed.prepared.cloud
-    sites_object = inverse_transform_points(
-        pose.rotations, pose.positions, np.asarray(track.sites, dtype=np.float64)
-    )
-    gaps = signed_gaps(sites_object, hand.hand.radii, cloud)
+        posed = pose_hand(points, name, None)
+        states = np.full((n_frames, 20), UNKNOWN, dtype=np.int8)
+        return TrackedHand(hand, track, sites, posed, states, (), ())
+    posed = pose_hand(points, name, followed.prepared.distance)
+    gap = posed.gaps.gap
+    cloud = followed.prepared.cloud
     middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
-    holds = find_holds(
-        markers.times,
-        gaps.gap,
-        middle,
-        track.sites,
-        up,
-        parameters.contact.threshold,
-        parameters.events,
-    )
-    return TrackedHand(hand, track, sites_object, gaps, holds)
+    holds = find_holds(markers.times, gap, middle, track.sites, up, threshold, timing)
+    # Of the three directions of space one lies along the gap.
+    states = contact_states(gap, track.sites_sd / np.sqrt(3), threshold, timing.release_margin)
+    events = contact_events(states, markers.recording.rate, timing)
+    return TrackedHand(hand, track, sites, posed, states, events, holds)
+
+
+def _wrists(hand: PreparedHand, track: HandTrack) -> NDArray[np.float64]:
+    """Return the palm's origin, the wrist, in every frame, lab frame [m], shape (n_frames, 1, 3)."""
+    wrists = np.full((len(track.q), 1, 3), np.nan)
+    for frame in np.flatnonzero(track.tracked):
+        wrists[frame, 0] = hand.hand.palm(track.q[frame])[0]
+    return wrists

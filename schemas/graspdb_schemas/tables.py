@@ -95,6 +95,15 @@ HANDS: Final = pa.schema(
         _column("calibrated_markers", TEXTS, "markers whose offsets calibration found"),
         _column("residual_before", pa.float64(), "rms distance of marker to model at the start", "m"),
         _column("residual", pa.float64(), "rms distance of marker to model after calibration", "m"),
+        _column(
+            "segment_length_sd", pa.map_(pa.string(), pa.float64()), "standard deviation by segment", "m"
+        ),
+        _column("markers", TEXTS, "labels of the hand's markers, in the order of the columns by marker"),
+        _column("marker_residuals_before", VECTOR, "rms distance of each marker at the start", "m"),
+        _column("marker_residuals", VECTOR, "rms distance of each marker after calibration", "m"),
+        _column("marker_sd", VECTOR, "standard deviation of each marker about its place, each axis", "m"),
+        _column("n_calibration_frames", pa.int32(), "frames that the hand was calibrated on"),
+        _column("calibration_notes", TEXTS, "what the recordings could not tell, and what stands in for it"),
         _INGEST_ID,
     ]
 )
@@ -146,7 +155,19 @@ TRIALS: Final = pa.schema(
             "m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column(
+            "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
+        ),
+        _column(
+            "glove_sd",
+            pa.map_(pa.string(), pa.float64()),
+            "standard deviation of each glove sensor about the hand",
+            "rad",
+        ),
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
+        _column(
+            "table_rows", pa.map_(pa.string(), pa.int32()), "number of rows it has in other tables, by table"
+        ),
         _INGEST_ID,
     ]
 )
@@ -187,7 +208,18 @@ FRAMES: Final = pa.schema(
         _column(
             "object_residual", pa.float32(), "rms distance of object markers to their fitted places", "m"
         ),
-        _column("gap", VECTOR, "signed distance of each sphere to the object's cloud (20)", "m"),
+        _column(
+            "gap",
+            VECTOR,
+            "signed distance of each site's part of the hand's surface to the object's mesh, or to its "
+            "cloud where there is no mesh (20)",
+            "m",
+        ),
+        _column(
+            "touching",
+            pa.list_(pa.bool_()),
+            "whether each site touches, with hysteresis; null where that is unknown (20)",
+        ),
         _column("residual", pa.float32(), "rms distance of the seen hand markers to the hand", "m"),
         _column("n_markers", pa.int16(), "hand markers used in this frame"),
         _column("flags", TEXTS, "what is special: not_tracked, no_markers, at_limit, rejected:<marker>"),
@@ -222,7 +254,7 @@ GRASPS: Final = pa.schema(
         _column("q", VECTOR, "configuration of the hand at the snapshot (30)", "m, 1, rad"),
         _column("sites_object", MATRIX, "centres of the 20 spheres in the object frame (20, 3)", "m"),
         _column("object_from_hand", MATRIX, "pose of the hand segment in the object frame (4, 4)"),
-        _column("gap", VECTOR, "signed distance of each sphere to the object's cloud (20)", "m"),
+        _column("gap", VECTOR, "signed distance of each site's part of the hand to the object (20)", "m"),
         _column("grip_aperture", pa.float64(), "distance of thumb tip to index tip", "m"),
         _column("hull_volume", pa.float64(), "volume of the hand enclosing space", "m3"),
         _column("box_volume", pa.float64(), "volume of the least bounding box of the same spheres", "m3"),
@@ -256,12 +288,14 @@ CONTACTS: Final = pa.schema(
     [
         _GRASP,
         _TRIAL,
-        _column("site", pa.string(), "site whose sphere touches", nullable=False),
+        _column("site", pa.string(), "site whose part of the hand's surface touches", nullable=False),
         _column("digit", pa.string(), "digit of that site"),
-        _column("point", pa.int32(), "index of the contact point in the object's cloud"),
-        _column("position", VECTOR, "contact point in the object frame (3)", "m"),
+        _column("point", pa.int32(), "index of the point of the object's cloud nearest to the contact point"),
+        _column("position", VECTOR, "contact point on the mesh, or of a bare cloud, object frame (3)", "m"),
         _column("normal", VECTOR, "outward surface normal there, object frame (3)"),
-        _column("gap", pa.float64(), "signed distance of the sphere to the cloud", "m"),
+        _column("gap", pa.float64(), "signed distance of the site's part of the hand to the object", "m"),
+        _column("segment", pa.string(), "segment of the hand that touches"),
+        _column("pad", pa.string(), "side of it that touches: palmar, dorsal, radial, ulnar or tip"),
         _INGEST_ID,
     ]
 )
@@ -297,6 +331,39 @@ FEATURES: Final = pa.schema(
     ]
 )
 
+CONTACT_EVENTS: Final = pa.schema(
+    [
+        _TRIAL,
+        _SIDE,
+        _column("grasp", pa.string(), "grasp during which the site touches; null outside of one"),
+        _column("site", pa.string(), "site whose part of the hand's surface touches", nullable=False),
+        _column("digit", pa.string(), "digit of that site"),
+        _column("rank", pa.int16(), "place among the grasp's onsets, 1 for the first; null if not known"),
+        _column("onset_time", pa.float64(), "begin of contact; null where it was not seen", "s"),
+        _column("release_time", pa.float64(), "end of contact; null where it was not seen", "s"),
+        _column("first_time", pa.float64(), "first frame in which it touches", "s"),
+        _column("last_time", pa.float64(), "last frame in which it touches", "s"),
+        _column("before", pa.string(), "what was before: free, unknown, or trial where the trial begins"),
+        _column("after", pa.string(), "what came after: free, unknown, or trial where the trial ends"),
+        _column("least_gap", pa.float64(), "least gap of the site during the contact", "m"),
+        _INGEST_ID,
+    ]
+)
+
+CONTACT_MAPS: Final = pa.schema(
+    [
+        _GRASP,
+        _TRIAL,
+        _SESSION,
+        _OBJECT,
+        _column("surface", pa.string(), "surface of the hand: spheres, capsules or skin"),
+        _column("points", INDICES, "indices of the object's points near the hand's surface"),
+        _column("gaps", VECTOR32, "signed distance of each to the hand's surface at the snapshot", "m"),
+        _column("facing", VECTOR32, "cosine between its outward normal and the direction to the hand's bone"),
+        _INGEST_ID,
+    ]
+)
+
 REFERENCE_CONTACTS: Final = pa.schema(
     [
         _TRIAL,
@@ -319,6 +386,8 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "grasps": GRASPS,
     "contacts": CONTACTS,
     "features": FEATURES,
+    "contact_events": CONTACT_EVENTS,
+    "contact_maps": CONTACT_MAPS,
     "reference_contacts": REFERENCE_CONTACTS,
 }
 """Every table by name."""
@@ -326,10 +395,19 @@ TABLES: Final[dict[str, pa.Schema]] = {
 SESSION_TABLES: Final = ("sessions", "subjects", "hands", "objects", "object_points")
 """Tables whose rows several trials share; a trial names the rows it stands on in its `context`."""
 
-TRIAL_TABLES: Final = ("markers", "frames", "grasps", "contacts", "features", "reference_contacts")
+TRIAL_TABLES: Final = (
+    "markers",
+    "frames",
+    "grasps",
+    "contacts",
+    "features",
+    "contact_events",
+    "contact_maps",
+    "reference_contacts",
+)
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
-STORE_COLUMNS: Final = ("ingest_id", "context")
+STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows")
 """Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
@@ -342,8 +420,10 @@ TABLE_DOCS: Final[dict[str, str]] = {
     "markers": "one row a frame: marker positions as recorded",
     "frames": "one row a frame and side: tracked hand, object pose, gaps",
     "grasps": "one row a grasp: one hold of one object by one hand",
-    "contacts": "one row a touching sphere of a grasp",
+    "contacts": "one row a touching site of a grasp",
     "features": "one row a grasp: enclosing space and graspable feature",
+    "contact_events": "one row a contact of one site, from onset to release",
+    "contact_maps": "one row a grasp: the object's points near the hand, and how near",
     "reference_contacts": "one row a measured centre of pressure of a digit",
 }
 """What one row of each table stands for."""

@@ -16,6 +16,9 @@ from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.fit import FREE
 
+Blocks = Floats
+"""A symmetric matrix over positions and velocities as `to_blocks` lays it out, shape (4, n, n)."""
+
 
 @dataclass(frozen=True)
 class MotionModel:
@@ -39,10 +42,10 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Floats) -> Floats:
-        """Return A P A^T + Q, shape (2 * n_dof, 2 * n_dof)."""
+    def predict_covariance(self, covariance: Blocks) -> Blocks:
+        """Return A P A^T + Q."""
         predicted = _congruent(covariance, self._forward)
-        predicted += self.noise
+        predicted += self._noise_blocks
         return predicted
 
     def adjoint(self, vector: Floats) -> Floats:
@@ -55,22 +58,25 @@ class MotionModel:
             ]
         )
 
-    def adjoint_matrix(self, matrix: Floats) -> Floats:
-        """Return A^T X A of a symmetric X, shape (2 * n_dof, 2 * n_dof)."""
+    def adjoint_matrix(self, matrix: Blocks) -> Blocks:
+        """Return A^T X A of a symmetric X."""
         return _congruent(matrix, self._backward)
 
     @cached_property
     def _forward(self) -> Floats:
-        return np.array(
-            [
-                [self.position_position, self.position_velocity],
-                [self.velocity_position, self.velocity_velocity],
-            ]
-        )
+        a, b = self.position_position, self.position_velocity
+        c, d = self.velocity_position, self.velocity_velocity
+        return _congruence(a, b, c, d)
 
     @cached_property
     def _backward(self) -> Floats:
-        return np.ascontiguousarray(self._forward.transpose(1, 0, 2))
+        a, b = self.position_position, self.velocity_position
+        c, d = self.position_velocity, self.velocity_velocity
+        return _congruence(a, b, c, d)
+
+    @cached_property
+    def _noise_blocks(self) -> Blocks:
+        return to_blocks(self.noise)
 
     def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
         """Return the change of position over the step, and the velocity after it, each (n_dof,).
@@ -125,15 +131,45 @@ def motion_model(
     )
 
 
-def _congruent(matrix: Floats, blocks: Floats) -> Floats:
-    """Return B X B^T for symmetric X and the four diagonals of B, shape (2, 2, n)."""
+def to_blocks(matrix: Floats) -> Blocks:
+    """Return the blocks of a symmetric matrix over positions and velocities, shape (4, n, n).
+
+    Their order is position-velocity, velocity-velocity, position-position, velocity-position: so
+    each half of the columns is one array, and so are the three that fix a symmetric matrix.
+    """
     n = len(matrix) // 2
-    left = blocks[:, 0, :, None] * matrix[:n]
-    left += blocks[:, 1, :, None] * matrix[n:]
-    result = np.empty_like(matrix)
-    for rows, half in ((slice(None, n), left[0]), (slice(n, None), left[1])):
-        result[rows, :n] = half[:, :n] * blocks[0, 0]
-        result[rows, :n] += half[:, n:] * blocks[0, 1]
-        result[rows, n:] = half[:, :n] * blocks[1, 0]
-        result[rows, n:] += half[:, n:] * blocks[1, 1]
+    return np.array([matrix[:n, n:], matrix[n:, n:], matrix[:n, :n], matrix[n:, :n]])
+
+
+def from_blocks(blocks: Blocks) -> Floats:
+    """Return the matrix, shape (2 * n, 2 * n), that has these blocks."""
+    return np.block([[blocks[2], blocks[0]], [blocks[3], blocks[1]]])
+
+
+def left_half(blocks: Blocks) -> Floats:
+    """Return the columns of the positions, shape (2 * n, n): a view."""
+    return blocks[2:].reshape(-1, blocks.shape[2])
+
+
+def right_half(blocks: Blocks) -> Floats:
+    """Return the columns of the velocities, shape (2 * n, n): a view."""
+    return blocks[:2].reshape(-1, blocks.shape[2])
+
+
+def _congruence(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return what `_congruent` multiplies blocks with for B of the diagonals [[a, b], [c, d]]."""
+    rows = [
+        [np.outer(c, d), np.outer(d, d), np.outer(c, c), np.outer(d, c)],
+        [np.outer(a, b), np.outer(b, b), np.outer(a, a), np.outer(b, a)],
+        [np.outer(c, b), np.outer(d, b), np.outer(c, a), np.outer(d, a)],
+    ]
+    return np.array(rows).reshape(3, 4, -1)
+
+
+def _congruent(blocks: Blocks, factors: Floats) -> Blocks:
+    """Return B X B^T of a symmetric X, element by element, B's blocks being diagonal."""
+    result = np.empty_like(blocks)
+    flat = result.reshape(4, -1)
+    np.einsum("ijk,jk->ik", factors, blocks.reshape(4, -1), out=flat[1:])
+    result[0] = result[3].T
     return result

@@ -14,7 +14,7 @@ import numpy as np
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import MotionModel
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, right_half
 
 BLOCK: Final = 256
 """Frames that are smoothed before anything is done with them."""
@@ -64,8 +64,8 @@ class ForwardPass:
 
     def append(self, predicted: State, update: Update) -> None:
         """Take the next frame."""
-        i, n = self._length, self._weighted.shape[1]
-        self._columns[i] = predicted.covariance[:, :n]
+        i = self._length
+        self._columns[i] = left_half(predicted.blocks)
         self._inverse[i] = update.inverse
         self._weighted[i] = update.weighted
         self._length += 1
@@ -84,7 +84,7 @@ class ForwardPass:
         """
         n = self._weighted.shape[1]
         adjoint: Floats = np.zeros(2 * n)
-        matrix: Floats = np.zeros((2 * n, 2 * n))
+        matrix: Blocks = np.zeros((4, n, n))
         for stop in range(self._length, 0, -BLOCK):
             frames = slice(max(0, stop - BLOCK), stop)
             columns = self._columns[frames].astype(float)
@@ -95,14 +95,23 @@ class ForwardPass:
                 # Through the measurement: its I - K H leaves velocities alone.
                 through = left @ -inverse[i]
                 through.reshape(-1)[: n * n : n + 1] += 1
-                reduced = matrix @ through
-                matrix[n:, :n], matrix[:n, n:] = reduced[n:], reduced[n:].T
-                matrix[:n, :n] = through.T @ reduced + inverse[i]
+                reduced = _times(matrix, through)
+                corner = through.T @ reduced + inverse[i]
+                matrix[2] = (corner + corner.T) * 0.5
+                matrix[3] = reduced[n:]
+                matrix[0] = reduced[n:].T
                 adjoint[:n] = adjoint @ through - self._weighted[frames.start + i]
                 steps[i] = -(adjoint @ left)
-                covariances[i] = left[:n] - left.T @ (matrix @ left)
+                covariances[i] = left[:n] - left.T @ _times(matrix, left)
                 # Back over the step between frames.
-                adjoint = motion.adjoint(adjoint)
-                matrix = motion.adjoint_matrix(matrix)
-                matrix = (matrix + matrix.T) * 0.5
+                adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
+                matrix[1] = (matrix[1] + matrix[1].T) * 0.5
             yield Smoothed(frames, steps, covariances)
+
+
+def _times(matrix: Blocks, columns: Floats) -> Floats:
+    """Return X C for columns C of shape (2 * n, n)."""
+    n = columns.shape[1]
+    product = left_half(matrix) @ columns[:n]
+    product += right_half(matrix) @ columns[n:]
+    return product

@@ -9,8 +9,9 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import HandFilter, State, Update
+from graspdb_ingest.tracking.filter import HandFilter, JointReadings, State, Update
 from graspdb_ingest.tracking.fit import SEVEN, fit_frame, visible
+from graspdb_ingest.tracking.glove import GloveMeasurement
 from graspdb_ingest.tracking.motion import MotionModel, motion_model
 from graspdb_ingest.tracking.smoother import ForwardPass
 from graspdb_schemas.errors import TrackingError
@@ -74,6 +75,7 @@ def track_hand(
     rate: float,
     prior: PosturePrior,
     parameters: TrackingParameters,
+    glove: GloveMeasurement | None = None,
 ) -> HandTrack:
     """Follow a hand through a recording.
 
@@ -89,6 +91,8 @@ def track_hand(
         Where joints usually are.
     parameters : TrackingParameters
         Noise, gate and movement.
+    glove : GloveMeasurement, optional
+        Joint angles of a data glove, in every frame.
 
     Returns
     -------
@@ -113,7 +117,7 @@ def track_hand(
     follower = _Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
     smoother = _Smoother(kinematics, motion, markers)
     for i, observed in enumerate(markers):
-        followed = follower.step(observed)
+        followed = follower.step(observed, None if glove is None else glove.frame(i))
         smoother.append(i, followed)
     return smoother.finish()
 
@@ -203,7 +207,7 @@ class _Follower:
         self._doubtful = 0
         self._unseen = 0
 
-    def step(self, observed: Floats) -> _Followed:
+    def step(self, observed: Floats, readings: JointReadings | None = None) -> _Followed:
         """Take one frame."""
         seen = visible(observed)
         self._unseen = 0 if seen.any() else self._unseen + 1
@@ -214,11 +218,11 @@ class _Follower:
                 return _Followed(None, None)
             fit = fit_frame(self._kinematics, observed, self._prior, self._marker_sd)
             predicted = self._filter.start(fit.q)
-            update = self._filter.update(predicted, observed, gated=False)
+            update = self._filter.update(predicted, observed, gated=False, readings=readings)
             self._doubtful, started = 0, True
         else:
             predicted = self._filter.predict(self._state)
-            update = self._filter.update(predicted, observed)
+            update = self._filter.update(predicted, observed, readings=readings)
             rejected = seen.sum() - update.used.sum()
             self._doubtful, started = self._doubtful + 1 if 2 * rejected > seen.sum() else 0, False
         self._state = update.state

@@ -1,0 +1,103 @@
+"""Rows of contact over time and over the object: contact_events and contact_maps."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from graspdb_ingest.contact_events import ContactEvent, ranks
+from graspdb_ingest.contact_map import contact_map
+from graspdb_ingest.grasp_rows import Grasp
+from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.parameters import ContactParameters
+from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.surface.touch import PosedHand
+from graspdb_ingest.trial import TrackedHand, TrackedTrial
+from graspdb_schemas.conform import rows_schema
+from graspdb_schemas.manifest import Session, SessionTrial
+from graspdb_schemas.vocabulary import DIGIT_OF_SITE, SITES
+
+
+def contact_rows(
+    session: Session,
+    trial: SessionTrial,
+    tracked: TrackedTrial,
+    grasps: Sequence[Grasp],
+    parameters: ContactParameters,
+) -> dict[str, pa.Table]:
+    """Return the rows of `contact_events` and `contact_maps`."""
+    key = f"{session.id}/{trial.name}"
+    events = [
+        {"trial": key, "side": str(side)} | row
+        for side, hand in tracked.hands.items()
+        for row in _event_rows(hand, [g for g in grasps if g.side is side], tracked.markers.times)
+    ]
+    maps = [
+        map_row(session.id, key, tracked.object.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
+        for grasp in grasps
+        if tracked.object is not None
+    ]
+    return {
+        "contact_events": pa.Table.from_pylist(events, schema=rows_schema("contact_events")),
+        "contact_maps": pa.Table.from_pylist(maps, schema=rows_schema("contact_maps")),
+    }
+
+
+def _event_rows(hand: TrackedHand, grasps: Sequence[Grasp], times: Floats) -> list[dict[str, object]]:
+    """Return the contacts of a hand in order of time, each with its place among those of its grasp."""
+    owners = [_owner(event, grasps) for event in hand.events]
+    places: dict[ContactEvent, int | None] = {}
+    for key in {owner for owner in owners if owner is not None}:
+        own = tuple(event for event, owner in zip(hand.events, owners, strict=True) if owner == key)
+        places |= dict(zip(own, ranks(own), strict=True))
+    return [
+        _event_row(hand, event, times) | {"grasp": owner, "rank": places.get(event)}
+        for event, owner in zip(hand.events, owners, strict=True)
+    ]
+
+
+def _owner(event: ContactEvent, grasps: Sequence[Grasp]) -> str | None:
+    """Return the key of the first grasp that a contact is part of."""
+    return next((g.key for g in grasps if event.first <= g.hold.last and event.last >= g.hold.first), None)
+
+
+def _event_row(hand: TrackedHand, event: ContactEvent, times: Floats) -> dict[str, object]:
+    first, last = float(times[event.first]), float(times[event.last])
+    return {
+        "site": SITES[event.site],
+        "digit": DIGIT_OF_SITE[event.site],
+        "onset_time": first if event.before == "free" else None,
+        "release_time": last if event.after == "free" else None,
+        "first_time": first,
+        "last_time": last,
+        "before": event.before,
+        "after": event.after,
+        "least_gap": float(np.nanmin(hand.posed.gaps.gap[event.first : event.last + 1, event.site])),
+    }
+
+
+def map_row(
+    session: str,
+    trial: str,
+    prepared: PreparedObject,
+    posed: PosedHand,
+    grasp: str,
+    parameters: ContactParameters,
+) -> dict[str, object]:
+    """Return the row of `contact_maps` of a grasp, from the hand at its snapshot."""
+    cloud = prepared.cloud
+    found = contact_map(cloud.points, cloud.normals, posed.surface, parameters.map_reach)
+    return {
+        "grasp": grasp,
+        "trial": trial,
+        "session": session,
+        "object": prepared.name,
+        "surface": parameters.surface,
+        "points": found.points.tolist(),
+        "gaps": found.gaps.tolist(),
+        "facing": found.facing.tolist(),
+    }
+
+
+def _at_snapshot(tracked: TrackedTrial, grasp: Grasp) -> PosedHand:
+    return tracked.hands[grasp.side].posed.frame(grasp.hold.snapshot)
