@@ -6,11 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from graspdb_ingest.grasp_rows import Grasp
+from graspdb_ingest.hand import HandDimensions
 from graspdb_ingest.keypoints import KeyPointGrasp, dimensions_of, static_grasp
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedObject, prepare_object
 from graspdb_schemas.manifest import SessionObject
-from graspdb_schemas.vocabulary import Side
+from graspdb_schemas.vocabulary import DIGITS, JOINTS_OF_DIGIT, Side
+
+THICKNESS = {
+    f"{digit}_{joint}": thickness
+    for digit in DIGITS
+    for joint, thickness in zip(JOINTS_OF_DIGIT[digit], (0.026, 0.022, 0.019, 0.016), strict=True)
+}
+"""Radii of 13 mm at the knuckles to 8 mm at the tips, which the data's page states for its hands."""
 
 
 def prepare_objects(folder: Path, parameters: IngestParameters) -> dict[str, PreparedObject]:
@@ -25,7 +33,8 @@ def read_grasps(folder: Path) -> dict[str, list[KeyPointGrasp]]:
     """Return all grasps, by object; all hands of the data set have one size."""
     with np.load(folder / "grasps.npz") as arrays:
         joints = {name.removesuffix(".joints_m"): arrays[name].astype(np.float64) for name in arrays.files}
-    size = dimensions_of(np.concatenate(list(joints.values())))
+    measured = dimensions_of(np.concatenate(list(joints.values())))
+    size = HandDimensions(measured.hand_length, measured.hand_breadth, THICKNESS)
     return {
         name: [
             KeyPointGrasp("dexycb", f"{name}_{i}", "someone", Side.RIGHT, points, size)

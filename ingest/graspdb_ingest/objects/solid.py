@@ -8,8 +8,8 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.mesh import Surface
-from graspdb_ingest.rigid import Array
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Solid:
             body = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
         return body.as_original()
 
-    def inside(self, vertices: Array, faces: NDArray[np.int64]) -> Inside | None:
+    def inside(self, vertices: Floats, faces: NDArray[np.int64]) -> Inside | None:
         """Return how much of the body lies inside a convex hull; None if the mesh bounds no body.
 
         Parameters
@@ -77,7 +77,7 @@ class Solid:
         return Inside(max(0.0, float(common.volume())), _area_from(common, self._body.original_id()))
 
 
-def _manifold(vertices: Array, faces: NDArray[np.int64]) -> manifold3d.Manifold:
+def _manifold(vertices: Floats, faces: NDArray[np.int64]) -> manifold3d.Manifold:
     mesh = manifold3d.Mesh64(
         np.ascontiguousarray(vertices, dtype=np.float64), np.ascontiguousarray(faces, dtype=np.uint64)
     )
