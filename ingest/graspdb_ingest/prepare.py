@@ -23,6 +23,8 @@ from graspdb_ingest.objects.solid import Solid
 from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
+from graspdb_ingest.tracking.motion import MotionNoise
+from graspdb_ingest.tracking.noise import WINDOWS, estimate_noise
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
 from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
@@ -88,6 +90,8 @@ class PreparedHand:
         Markers whose offsets the manifest left to be found.
     calibration : Calibration
         How it was found, and how far its markers lie from it.
+    noise : MotionNoise
+        Scales of its movement and of its markers' noise.
     notes : tuple of str
         What to know of the hand's model.
     """
@@ -97,6 +101,7 @@ class PreparedHand:
     prior: PosturePrior
     calibrated_markers: tuple[str, ...]
     calibration: Calibration
+    noise: MotionNoise
     notes: tuple[str, ...] = ()
 
 
@@ -144,12 +149,15 @@ def prepare_hand(
     recordings = hand_recordings(session, subject, side)
     with threadpool_limits(1):
         calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
+        some = _some_recordings(session, subject, side)
+        noise = estimate_noise(calibration.hand, some, prior, parameters)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
         prior=prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
         calibration=calibration,
+        noise=noise,
         notes=file.notes,
     )
 
@@ -169,18 +177,36 @@ def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[
     """
     found = False
     for file in calibration_files(session, subject):
-        trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
-        own = next((t for t in session.trials if t.file == file), trial)
-        try:
-            recording = read_recording(file, session.file_scale)
-            markers = select_markers(recording, session, own).hands.get(side)
-        except GraspDBError:
-            continue
-        if markers is not None and np.isfinite(markers).any():
+        recording = _hand_recording(session, subject, side, file)
+        if recording is not None:
             found = True
-            yield markers
+            yield recording[0]
     if not found:
         raise TrackingError(
             f"no recording of subject {subject.name} shows the {side} hand",
             "Check the trials' files and marker_names in session.yaml.",
         )
+
+
+def _hand_recording(
+    session: Session, subject: Subject, side: Side, file: Path
+) -> tuple[Floats, float] | None:
+    """Return a hand's markers [m] and their rate [Hz]; None where the file does not show the hand."""
+    trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
+    own = next((t for t in session.trials if t.file == file), trial)
+    try:
+        recording = read_recording(file, session.file_scale)
+        markers = select_markers(recording, session, own).hands.get(side)
+    except GraspDBError:
+        return None
+    if markers is None or not np.isfinite(markers).any():
+        return None
+    return markers, recording.rate
+
+
+def _some_recordings(session: Session, subject: Subject, side: Side) -> list[tuple[Floats, float]]:
+    """Return as many of the hand's recordings as the estimate of its noise looks at."""
+    files = calibration_files(session, subject)
+    chosen = [files[i] for i in np.unique(np.linspace(0, len(files) - 1, WINDOWS).astype(int))]
+    found = (_hand_recording(session, subject, side, file) for file in chosen)
+    return [recording for recording in found if recording is not None]

@@ -153,7 +153,9 @@ def _follow(
     glove: GloveMeasurement | None = None,
 ) -> HandTrack:
     rate = markers.recording.rate
-    return track_hand(hand.hand, markers.hands[side], rate, hand.prior, parameters.tracking, glove)
+    return track_hand(
+        hand.hand, markers.hands[side], rate, hand.prior, parameters.tracking, glove, hand.noise
+    )
 
 
 def _compare(
