@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
@@ -19,6 +20,7 @@ from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import fpfh
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
+from graspdb_ingest.objects.solid import Solid
 from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
@@ -58,6 +60,10 @@ class PreparedObject:
         Friction, center of mass and radius.
     curvatures : ndarray, shape (n_points, 2)
         Principal curvatures of the cloud's points [1/m].
+    neighbours : ndarray of int, shape (m, 2)
+        Pairs of the cloud's points that are neighbours on the surface.
+    solid : Solid
+        The body that its mesh bounds, if it is closed.
     """
 
     name: str
@@ -69,6 +75,8 @@ class PreparedObject:
     marker_positions: Floats
     mechanics: Mechanics
     curvatures: Floats
+    neighbours: NDArray[np.int64]
+    solid: Solid
 
 
 @dataclass(frozen=True)
@@ -120,6 +128,8 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
         mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
         curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
+        neighbours=surface_neighbours(cloud.points, cloud.normals, cloud.spacing),
+        solid=Solid(surface),
     )
 
 

@@ -271,6 +271,18 @@ GRASPS: Final = pa.schema(
             pa.map_(pa.string(), pa.float64()),
             "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
         ),
+        _column(
+            "object_volume_in_hull",
+            pa.float64(),
+            "volume of the object in the enclosing space; null where its mesh is not closed",
+            "m3",
+        ),
+        _column(
+            "object_area_in_hull",
+            pa.float64(),
+            "area of the object's mesh in the enclosing space, exactly; null where it is not closed",
+            "m2",
+        ),
         _column("force_closure", pa.bool_(), "whether the contacts resist every force and torque"),
         _INGEST_ID,
     ]
