@@ -14,8 +14,8 @@ from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
-from graspdb_queries.result import Result
 from graspdb_queries.quoting import identifier
+from graspdb_queries.result import Result
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLES

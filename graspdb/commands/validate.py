@@ -2,6 +2,7 @@
 
 import typer
 
+from graspdb.commands.validate_contact_map import contact_map
 from graspdb.commands.validate_contacts import contacts
 
 validate = typer.Typer(
@@ -11,3 +12,4 @@ validate = typer.Typer(
     no_args_is_help=True,
 )
 validate.command()(contacts)
+validate.command("contact-map")(contact_map)
