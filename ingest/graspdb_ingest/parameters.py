@@ -71,6 +71,12 @@ class TrackingParameters:
         Share of the frames in which the hand must be known; a trial with less is rejected.
     maximum_residual : float
         A trial whose median marker residual is above this is rejected [m].
+    maximum_rejected : float
+        Share of the seen markers that may be left out as faulty; with more a trial is rejected.
+    uncertain_sd : float
+        A frame whose median standard deviation of the sites is above this is uncertain [m].
+    maximum_uncertain : float
+        Share of the tracked frames that may be uncertain; with more a trial is rejected.
     """
 
     marker_sd: float = 0.0015
@@ -81,6 +87,9 @@ class TrackingParameters:
     minimum_start_markers: int = 6
     minimum_tracked: float = 0.5
     maximum_residual: float = 0.010
+    maximum_rejected: float = 0.25
+    uncertain_sd: float = 0.02
+    maximum_uncertain: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """A trial of a session, from the files it names to the rows it brings."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +19,7 @@ from graspdb_ingest.readers import read_recording
 from graspdb_ingest.readers.glove import read_glove
 from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
+from graspdb_ingest.tracking.faults import describe
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
@@ -140,6 +141,8 @@ def _trial_row(
         "missing_fraction": None if markers is None else _missing(markers),
         "residual_rms": None if tracked is None else _overall(tracked),
         "residual_rms_by_group": list(groups.items()),
+        "residual_rms_by_marker": [] if tracked is None else list(_residuals_by_marker(tracked)),
+        "motion_noise": [] if tracked is None else list(_motion_noise(tracked)),
         "glove_offset": _sensors(tracked, "offset"),
         "glove_sd": _sensors(tracked, "sd"),
     }
@@ -155,6 +158,8 @@ def _hand_notes(tracked: TrackedTrial) -> list[str]:
     notes: list[str] = []
     for hand in tracked.hands.values():
         notes += [*hand.prepared.notes, *(() if hand.glove is None else hand.glove.notes)]
+        recording, labels = tracked.markers.recording, hand.prepared.hand.markers
+        notes += describe(hand.track.faults, labels, recording.rate, float(tracked.markers.times[0]))
     return notes
 
 
@@ -214,6 +219,26 @@ def _residuals_by_group(session: Session, tracked: TrackedTrial) -> dict[str, fl
         residuals = tracked.object.track.residuals
         squared["object"] = (residuals[np.isfinite(residuals)] ** 2).tolist()
     return {group: float(np.sqrt(np.mean(values))) for group, values in squared.items() if values}
+
+
+def _residuals_by_marker(tracked: TrackedTrial) -> Iterator[tuple[str, float]]:
+    """Yield the rms residual of each hand marker over the frames in which it was used."""
+    for side, hand in tracked.hands.items():
+        squared, used = np.sum(hand.track.residuals**2, axis=2), hand.track.used
+        for i, label in enumerate(hand.prepared.hand.markers):
+            if used[:, i].any():
+                yield _name(tracked, side, label), float(np.sqrt(squared[used[:, i], i].mean()))
+
+
+def _motion_noise(tracked: TrackedTrial) -> Iterator[tuple[str, float]]:
+    """Yield the scales that each hand was tracked with."""
+    for side, hand in tracked.hands.items():
+        for scale, value in asdict(hand.prepared.noise).items():
+            yield _name(tracked, side, scale), value
+
+
+def _name(tracked: TrackedTrial, side: Side, name: str) -> str:
+    return name if len(tracked.hands) == 1 else f"{side}_{name}"
 
 
 def _group(segment: str) -> str:

@@ -20,7 +20,7 @@ from graspdb_ingest.tracking.fit import FREE, SEVEN
 from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
-from graspdb_schemas.errors import TrackingError
+from graspdb_ingest.verdict import check_track
 from graspdb_schemas.vocabulary import Side
 
 
@@ -141,7 +141,7 @@ def track_trial(
         if gloves is not None and side in gloves:
             glove = _compare(gloves[side], hand, markers, track, parameters)
             track = follow(hand, positions, rate, parameters, glove.measurement)
-        _check(track, side, parameters)
+        check_track(track, hand.hand, positions, hand.prior, side, parameters.tracking)
         tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
 
@@ -167,23 +167,6 @@ def _compare(
     """Compare a glove with the hand that was followed by its markers alone."""
     angles, angles_sd = track.q[:, SEVEN:], track.q_sd[:, FREE:]
     return fit_glove(glove, hand.hand, markers.times, angles, angles_sd, parameters.glove)
-
-
-def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:
-    share = float(track.tracked.mean())
-    if share < parameters.tracking.minimum_tracked:
-        raise TrackingError(
-            f"the {side} hand is known in {share:.0%} of the frames",
-            f"At least {parameters.tracking.minimum_tracked:.0%} are needed: record it again, or cut "
-            "the trial with start and end.",
-        )
-    median = float(np.nanmedian(np.linalg.norm(track.residuals, axis=2)))
-    if median > parameters.tracking.maximum_residual:
-        raise TrackingError(
-            f"the {side} hand's markers lie {1e3 * median:.1f} mm from the tracked hand (median)",
-            f"At most {1e3 * parameters.tracking.maximum_residual:g} mm are allowed: check the labels, "
-            "the hand's side and its size.",
-        )
 
 
 def _with_holds(

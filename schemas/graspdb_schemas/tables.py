@@ -158,6 +158,18 @@ TRIALS: Final = pa.schema(
             "the same by marker group: forearm, hand, thumb ... little, object",
             "m",
         ),
+        _column(
+            "residual_rms_by_marker",
+            pa.map_(pa.string(), pa.float64()),
+            "the same by hand marker, behind its side if there are two hands",
+            "m",
+        ),
+        _column(
+            "motion_noise",
+            pa.map_(pa.string(), pa.float64()),
+            "scales of movement and marker noise that were estimated, behind the side if there are two hands",
+            "m/s^1.5, rad/s^1.5, s, m",
+        ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
         _column(
             "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
@@ -226,7 +238,13 @@ FRAMES: Final = pa.schema(
         ),
         _column("residual", pa.float32(), "rms distance of the seen hand markers to the hand", "m"),
         _column("n_markers", pa.int16(), "hand markers used in this frame"),
-        _column("flags", TEXTS, "what is special: not_tracked, no_markers, at_limit, rejected:<marker>"),
+        _column(
+            "flags",
+            TEXTS,
+            "what is special: not_tracked, no_markers, at_limit, filled:<digit> (no marker of it used); "
+            "markers left out: rejected:, jumping:, frozen: or drifting:<marker>; "
+            "swapped:<marker>+<marker>, put right",
+        ),
         _INGEST_ID,
     ]
 )
