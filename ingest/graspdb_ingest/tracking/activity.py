@@ -22,6 +22,8 @@ EXPONENT: Final = 2.0
 """The score by itself tells of a change less than there is, as the markers' noise hides part of it."""
 FIRST: Final = 8.0
 """Share of the process noise with which a recording is passed first: enough for the fastest movements."""
+HIDDEN: Final = 0.3
+"""A joint of which a frame tells less than this share of what frames usually tell is hidden in it."""
 RANGE: Final = (0.05, 100.0)
 """Least and largest process noise, as shares of the whole recording's."""
 
@@ -76,5 +78,7 @@ def activity(movements: Floats, groups: list[list[int]], rate: float) -> Floats:
         found, expected = gaussian_filter1d(sums, width, axis=0, mode="nearest").T
         count = width * 2 * np.sqrt(np.pi)  # frames that a Gaussian window is worth
         ratio = (count * FIRST * found + PRIOR_COUNT) / (count * FIRST * expected + PRIOR_COUNT)
-        shares[:, group] = (FIRST * ratio**EXPONENT)[:, None]
+        # What no marker shows may move as fast as anything: its neighbours in time say nothing of it.
+        shown = sums[:, 1] / (sums[:, 1] + HIDDEN * np.median(sums[:, 1]) + np.finfo(float).tiny)
+        shares[:, group] = (FIRST * ratio ** (EXPONENT * shown))[:, None]
     return np.clip(shares, *RANGE)

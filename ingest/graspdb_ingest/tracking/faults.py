@@ -25,6 +25,8 @@ BREAK_SDS: Final = 15.0
 """The same in standard deviations of a marker: noise alone goes as far once in ten million times."""
 FROZEN_TIME: Final = 0.1
 """Time for which a marker must stand still to the last digit, while others move, to be frozen [s]."""
+ABSENCE: Final = 2.0
+"""A marker that does not come back in this time was not away: its path broke off for another reason [s]."""
 JUDGED_TIME: Final = 0.15
 """Time after a break in which the hand's movement still tells where the marker should be [s]."""
 ELSEWHERE: Final = 0.006
@@ -99,7 +101,8 @@ def find_breaks(markers: Floats, rate: float, marker_sd: float) -> list[Fault]:
                 stop = min(_until(breaks[:, m], seen[:, m], frame) for m in pair)
                 suspects.append(Fault("swapped", pair, frame, stop))
                 broken = [m for m in broken if m not in pair]
-        suspects += [Fault("jumping", (m,), frame, _until(breaks[:, m], seen[:, m], frame)) for m in broken]
+        jumps = [Fault("jumping", (m,), frame, _until(breaks[:, m], seen[:, m], frame)) for m in broken]
+        suspects += [jump for jump in jumps if jump.stop - jump.start <= ABSENCE * rate]
     return suspects
 
 
