@@ -150,7 +150,19 @@ def _trial_row(
 
 def _notes(markers: TrialMarkers) -> list[str]:
     """Return what is worth knowing of a trial that is none the worse for it."""
-    return [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+    notes = [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+    unseen = [label for label in _never_seen(markers) if label in markers.found]
+    return notes + ([f"markers never seen: {', '.join(unseen)}"] if unseen else [])
+
+
+def _never_seen(markers: TrialMarkers) -> Iterator[str]:
+    """Yield the labels, behind their side where there are both, that no frame has a position for."""
+    for side, positions in markers.hands.items():
+        prefix = "" if len(markers.hands) == 1 else f"{side}_"
+        for i in np.flatnonzero(np.isnan(positions[..., 0]).all(axis=0)):
+            yield prefix + markers.hand_labels[i]
+    for i in np.flatnonzero(np.isnan(markers.object_markers[..., 0]).all(axis=0)):
+        yield markers.object_labels[i]
 
 
 def _hand_notes(tracked: TrackedTrial) -> list[str]:
