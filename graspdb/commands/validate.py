@@ -2,6 +2,7 @@
 
 import typer
 
+from graspdb.commands.validate_contact_map import contact_map
 from graspdb.commands.validate_contacts import contacts
 from graspdb.commands.validate_markers import markers
 
@@ -13,3 +14,4 @@ validate = typer.Typer(
 )
 validate.command()(contacts)
 validate.command()(markers)
+validate.command("contact-map")(contact_map)

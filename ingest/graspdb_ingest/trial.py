@@ -154,7 +154,7 @@ def follow(
     glove: GloveMeasurement | None = None,
 ) -> HandTrack:
     """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
-    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking, glove)
+    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking, glove, hand.noise)
 
 
 def _compare(
