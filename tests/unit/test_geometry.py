@@ -14,7 +14,6 @@ SIDES = (Side.RIGHT, Side.LEFT)
 N_CENTRES = 5 * (3 + 1 + 1 + 1)
 FIRST_DIRECTION = 1 + N_CENTRES
 FIRST_OFFSET = FIRST_DIRECTION + 15
-N_PULLS = 4 + 5 + 5 * (2 + 2 + 1)  # forearm; over the first joints; along the digits
 
 
 @pytest.fixture(scope="module", params=SIDES)
@@ -45,7 +44,7 @@ def markers_of(geometry, parameters, q):
 
 
 def test_parameters_stand_in_the_documented_order(geometry):
-    assert geometry.n_parameters == FIRST_OFFSET + 3 * 24 + 2 * N_PULLS
+    assert geometry.n_parameters == FIRST_OFFSET + 3 * 24
     assert np.all(geometry.prior_sd > 0)
 
 

@@ -26,9 +26,7 @@ class Kinematics:
         # MuJoCo never reads the place of a site that its compiler found exactly in its segment's frame.
         self.model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._data = mujoco.MjData(self.model)
-        self.skin = hand.skin
         self._marker_ids = hand.marker_ids
-        self._marker_bodies = hand.marker_bodies
         self._site_ids = hand.site_ids
         self._marker_jacobian = np.zeros((len(self._marker_ids), 3, hand.n_dof))
         self._site_jacobian = np.zeros((len(self._site_ids), 3, hand.n_dof))
@@ -37,14 +35,6 @@ class Kinematics:
         """Take configuration `q`, shape (n_q,)."""
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self._data)
-        if self.skin is not None:
-            angles = q[-len(self.skin.reference) :]
-            self._data.site_xpos[self._marker_ids] += self.skin.displacement(angles, self._carriers)
-
-    @property
-    def angles(self) -> Floats:
-        """Angles of the hinges [rad], shape (n_hinges,)."""
-        return np.array(self._data.qpos[-len(self.hand.joints) :])
 
     @property
     def markers(self) -> Floats:
@@ -71,19 +61,11 @@ class Kinematics:
 
         The array is the workspace's own and is overwritten by the next call.
         """
-        jacobian = self._filled(self._marker_jacobian, self._marker_targets)
-        if self.skin is not None:
-            jacobian[:, :, -len(self.skin.reference) :] += self.skin.jacobian(self._carriers)
-        return jacobian
+        return self._filled(self._marker_jacobian, self._marker_targets)
 
     def site_jacobian(self) -> Floats:
         """Return d(site) / d(degree of freedom), shape (20, 3, n_dof); overwritten by the next call."""
         return self._filled(self._site_jacobian, self._site_targets)
-
-    @property
-    def _carriers(self) -> Floats:
-        """world_from_segment of each marker's segment, shape (n_markers, 3, 3)."""
-        return np.array(self._data.xmat[self._marker_bodies]).reshape(-1, 3, 3)
 
     @cached_property
     def _marker_targets(self) -> list[tuple[Floats, int]]:

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.hand.skin import Skin, read_skin, write_skin
 from graspdb_schemas.errors import HandModelError
 from graspdb_schemas.vocabulary import SEGMENTS, SITES, Side
 
@@ -58,14 +57,11 @@ class HandShape:
         Rotations of segments at zero angles, w x y z.
     site_positions : mapping of str to ndarray, shape (3,)
         Sites and markers (``marker_<label>``) [m].
-    skin : Skin or None
-        How the markers slide with the joint angles; None leaves that as it is.
     """
 
     body_positions: Mapping[str, Floats]
     body_quaternions: Mapping[str, Floats]
     site_positions: Mapping[str, Floats]
-    skin: Skin | None = None
 
 
 @dataclass(frozen=True)
@@ -136,16 +132,6 @@ class HandModel:
         return np.array([self.mujoco_model.site(MARKER_PREFIX + m).id for m in self.markers], dtype=np.int32)
 
     @cached_property
-    def marker_bodies(self) -> NDArray[np.int32]:
-        """MuJoCo's numbers of the bodies that carry the markers."""
-        return np.array(self.mujoco_model.site_bodyid[self.marker_ids])
-
-    @cached_property
-    def skin(self) -> Skin | None:
-        """How the markers slide with the joint angles; None where they do not."""
-        return read_skin(self.mujoco_model, self.markers)
-
-    @cached_property
     def segments(self) -> tuple[str, ...]:
         """The segments that the model has, in the order of `SEGMENTS`."""
         model = self.mujoco_model
@@ -211,13 +197,10 @@ class HandModel:
             data.qpos[:] = configuration
             mujoco.mj_kinematics(model, data)
             sites[i], positions[i], rotations[i] = data.site_xpos, data.xpos, data.xmat
-        bodies, markers = self._segment_ids, sites[:, self.marker_ids]
-        if self.skin is not None:
-            carriers = rotations[:, self.marker_bodies].reshape(*markers.shape, 3)
-            markers = markers + self.skin.displacement(configurations[:, -len(self.joints) :], carriers)
+        bodies = self._segment_ids
         return HandPose(
             sites=sites[:, self.site_ids].reshape(*leading, -1, 3),
-            markers=markers.reshape(*leading, -1, 3),
+            markers=sites[:, self.marker_ids].reshape(*leading, -1, 3),
             positions=positions[:, bodies].reshape(*leading, -1, 3),
             rotations=rotations[:, bodies].reshape(*leading, -1, 3, 3),
         )
@@ -228,11 +211,7 @@ class HandModel:
 
     def marker_jacobian(self, q: Floats) -> Floats:
         """Return d(marker) / d(degree of freedom), shape (n_markers, 3, n_dof)."""
-        jacobian = self._jacobian(q, self.marker_ids)
-        if self.skin is not None:
-            carriers = self._at(q).xmat[self.marker_bodies].reshape(-1, 3, 3)
-            jacobian[:, :, -len(self.joints) :] += self.skin.jacobian(carriers)
-        return jacobian
+        return self._jacobian(q, self.marker_ids)
 
     def palm(self, q: Floats) -> tuple[Floats, Floats]:
         """Return position (3,) and rotation (3, 3) of the palm: the segment ``hand``, else the root."""
@@ -274,8 +253,6 @@ class HandModel:
             spec.body(name).quat = quaternion
         for name, position in shape.site_positions.items():
             spec.site(name).pos = position
-        if shape.skin is not None:
-            write_skin(spec, self.markers, shape.skin)
         spec.compile()
         return replace(self, mjcf=spec.to_xml())
 
@@ -295,20 +272,11 @@ class HandModel:
             )
         return self.n_q
 
-    def _at(self, q: Floats) -> mujoco.MjData:
-        """Return MuJoCo's state for a configuration, markers displaced with the skin."""
+    def _jacobian(self, q: Floats, ids: NDArray[np.int32]) -> Floats:
         self._checked(q)
         data = mujoco.MjData(self.mujoco_model)
         data.qpos[:] = q
         mujoco.mj_kinematics(self.mujoco_model, data)
-        if self.skin is not None:
-            carriers = data.xmat[self.marker_bodies].reshape(-1, 3, 3)
-            angles = np.asarray(q)[-len(self.joints) :]
-            data.site_xpos[self.marker_ids] += self.skin.displacement(angles, carriers)
-        return data
-
-    def _jacobian(self, q: Floats, ids: NDArray[np.int32]) -> Floats:
-        data = self._at(q)
         mujoco.mj_comPos(self.mujoco_model, data)
         jacobian = np.empty((len(ids), 3, self.n_dof))
         for i, site in enumerate(ids):

@@ -153,7 +153,7 @@ def _first_offsets(
         arms = frame - kinematics.body_positions[bodies]
         local[i] = np.einsum("mji,mj->mi", kinematics.body_rotations[bodies], arms)
     parameters = np.zeros(geometry.n_parameters)
-    offsets = parameters[geometry.offsets].reshape(-1, 3)
+    offsets = parameters[-3 * frames.shape[1] :].reshape(-1, 3)
     for m, label in enumerate(kinematics.hand.markers):
         seen = np.isfinite(local[:, m, 0])
         if geometry.placements[label].calibrated and seen.any():

@@ -15,8 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import MARKER_PREFIX, Floats, HandModel, HandShape
-from graspdb_ingest.hand.posture import default_prior
-from graspdb_ingest.hand.skin import Skin
 from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import (
     DIGITS,
@@ -40,8 +38,6 @@ DIRECTION_SD: Final = {"thumb": np.deg2rad(12), **dict.fromkeys(DIGITS[1:], np.d
 PLACED_SD: Final = (0.002, 0.002, 0.001)
 """Spread of a marker about the place that the manifest gives [m]: a joint is felt through the skin to some
 millimetres along and across the segment, but its depth under the marker is half a measured thickness."""
-SKIN_SD: Final = 0.002
-"""Spread of how far a marker slides along and across its segment for a joint's angle [m/rad]."""
 UNKNOWN_SD: Final = {"forearm": 0.06, "hand": 0.04}
 UNKNOWN_DIGIT_SD: Final = 0.012
 """Spread of a marker that calibration has to find about the middle of its segment [m]."""
@@ -53,7 +49,7 @@ class HandGeometry:
 
     They stand in this order: size (1), joint centres and tips (3 for each digit's first joint and 1,
     along the segment, for each further site), directions of the digits (3 each), offsets of the
-    markers (3 each), slopes of the skin (2 for each marker and joint that draws its skin). A hand with segments of its own (a robot's) has only the marker offsets.
+    markers (3 each). A hand with segments of its own (a robot's) has only the marker offsets.
 
     Attributes
     ----------
@@ -93,14 +89,7 @@ class HandGeometry:
             for first, length in zip(self._centre_is_first, self._centre_lengths, strict=True)
         ]
         directions = np.repeat([DIRECTION_SD[digit] for digit in DIGITS], 3)
-        slopes = np.full(2 * len(self._pulls), SKIN_SD)
-        return np.concatenate([[SIZE_SD], centres, directions, offsets, slopes])
-
-    @cached_property
-    def offsets(self) -> slice:
-        """Where the markers' offsets stand among the parameters."""
-        start = 1 + len(self._centre_axes) + 3 * len(DIGITS) if self.anatomical else 0
-        return slice(start, start + 3 * len(self.hand.markers))
+        return np.concatenate([[SIZE_SD], centres, directions, offsets])
 
     @property
     def n_parameters(self) -> int:
@@ -116,12 +105,10 @@ class HandGeometry:
             model.body(name).quat[:] = quaternion
         for name, position in shape.site_positions.items():
             model.site(name).pos[:] = position
-        if shape.skin is not None:
-            kinematics.skin = shape.skin
 
     def shape(self, parameters: Floats) -> HandShape:
         """Return the places of joints, sites and markers for given parameters."""
-        model, offsets = self.hand.mujoco_model, parameters[self.offsets].reshape(-1, 3)
+        model, offsets = self.hand.mujoco_model, parameters[-3 * len(self.hand.markers) :].reshape(-1, 3)
         sites, bodies, quaternions = {}, {}, {}
         if self.anatomical:
             sites = self._site_positions(parameters)
@@ -140,15 +127,7 @@ class HandGeometry:
             if at is not None and self.anatomical:
                 moved += sites[at] - model.site(at).pos
             places[name] = moved
-        return HandShape(bodies, quaternions, places, self._skin(parameters))
-
-    def _skin(self, parameters: Floats) -> Skin | None:
-        if not self._pulls:
-            return None
-        slopes = np.zeros((len(self.hand.markers), 2, len(self.hand.joints)))
-        markers, joints = np.array(self._pulls).T
-        slopes[markers, :, joints] = parameters[-2 * len(self._pulls) :].reshape(-1, 2)
-        return Skin(self._reference, slopes)
+        return HandShape(body_positions=bodies, body_quaternions=quaternions, site_positions=places)
 
     def linearise(self, kinematics: Kinematics, parameters: Floats) -> "Linearisation | None":
         """Return what the derivatives of the markers need of a shape that the workspace's hand has.
@@ -179,7 +158,7 @@ class HandGeometry:
         """
         rotations, n_markers = kinematics.body_rotations, len(self.hand.markers)
         jacobian = np.zeros((n_markers, 3, self.n_parameters))
-        offsets = jacobian[:, :, self.offsets].reshape(n_markers, 3, n_markers, 3)
+        offsets = jacobian[:, :, -3 * n_markers :].reshape(n_markers, 3, n_markers, 3)
         each = np.arange(n_markers)
         offsets[each, :, each] = rotations[self._marker_bodies]
         if shape is None:
@@ -193,13 +172,8 @@ class HandGeometry:
         on, digit = self._digit_markers
         arms = kinematics.markers[on] - kinematics.body_positions[self._first_bodies][digit]
         axes = rotations[self._first_parents] @ shape.axes
-        turns = jacobian[:, :, 1 + n_centres : self.offsets.start].reshape(n_markers, 3, len(DIGITS), 3)
+        turns = jacobian[:, :, 1 + n_centres : -3 * n_markers].reshape(n_markers, 3, len(DIGITS), 3)
         turns[on, :, digit] = _cross_matrix(-arms) @ axes[digit]
-        if self._pulls:
-            moved, joints = np.array(self._pulls).T
-            bent = (kinematics.angles - self._reference)[joints, None, None]
-            slides = jacobian[:, :, self.offsets.stop :].reshape(n_markers, 3, len(moved), 2)
-            slides[moved, :, range(len(moved))] = rotations[self._marker_bodies][moved, :, :2] * bent
         return jacobian
 
     def length_sd(self, parameters: Floats, covariance: Floats) -> dict[str, float]:
@@ -242,21 +216,6 @@ class HandGeometry:
         placement = self.placements[label]
         at = placement.at
         return at if at is not None and placement.segment == SEGMENT_OF_SITE[at] else None
-
-    @cached_property
-    def _pulls(self) -> list[tuple[int, int]]:
-        """Markers and the hinges that draw the skin under them: flexion at either end of their segment."""
-        joints = self.hand.joints
-        found = []
-        for m, label in enumerate(self.hand.markers):
-            for joint in _flexions(self.placements[label]) if self.anatomical else ():
-                if joint in joints:
-                    found.append((m, joints.index(joint)))
-        return found
-
-    @cached_property
-    def _reference(self) -> Floats:
-        return np.asarray(default_prior(self.hand).mean)
 
     @cached_property
     def _centre_sites(self) -> list[int]:
@@ -327,17 +286,6 @@ class HandGeometry:
     @cached_property
     def _moved_by_centre(self) -> Floats:
         return self._moved_by_site[:, self._centre_sites]
-
-
-def _flexions(placement: MarkerPlacement) -> tuple[str, ...]:
-    """Return the flexions at both ends of a marker's segment, those of the wrist for the forearm's."""
-    if placement.segment == "forearm":
-        return ("wrist_flexion",)
-    if placement.segment == "hand":
-        return () if placement.at is None else (f"{placement.at}_flexion",)
-    digit = placement.segment.partition("_")[0]
-    i = SEGMENTS_OF_DIGIT[digit].index(placement.segment)
-    return tuple(f"{digit}_{joint}_flexion" for joint in JOINTS_OF_DIGIT[digit][i : i + 2])
 
 
 @dataclass(frozen=True)
