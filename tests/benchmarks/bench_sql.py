@@ -17,7 +17,7 @@ from harness import Result, benchmark
 import graspdb
 from graspdb_queries.named import named_query
 
-RUNS: Final = 9
+RUNS: Final = 15
 
 AGGREGATES: Final = {
     "contact frequency": named_query("contact_frequency").sql,
