@@ -267,6 +267,21 @@ GRASPS: Final = pa.schema(
             pa.map_(pa.string(), pa.float64()),
             "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
         ),
+        _column("opposition", pa.string(), "pad, palm or side opposition; null where nothing opposes"),
+        _column(
+            "virtual_fingers",
+            pa.list_(TEXTS),
+            "thumb or palm; the digits that oppose it; those that touch and only help (3 lists)",
+        ),
+        _column(
+            "opposition_shares",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the fingers' opposition that is pad, palm and side opposition",
+        ),
+        _column("grasp_type", pa.string(), "type of the GRASP taxonomy; null where no type is likely"),
+        _column(
+            "grasp_type_confidence", pa.float64(), "share of the evidence that this type has, 0.5 or more"
+        ),
         _column(
             "object_volume_in_hull",
             pa.float64(),
