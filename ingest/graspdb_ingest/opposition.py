@@ -71,7 +71,7 @@ def find_opposition(contacts: Contacts, sites: Floats, object_from_hand: Floats,
     total = {kind: sum(evidence[kind] for evidence in by_finger.values()) for kind in KINDS}
     kind = _chosen(total)
     everything = sum(total.values())
-    shares = {name: value / everything for name, value in total.items()} if everything > 0 else {}
+    shares = {str(name): value / everything for name, value in total.items() if everything > 0}
     return Opposition(kind, _virtual_fingers(kind, by_finger, surfaces, contacts), shares)
 
 

@@ -213,6 +213,11 @@ FRAMES: Final = pa.schema(
             "object_residual", pa.float32(), "rms distance of object markers to their fitted places", "m"
         ),
         _column(
+            "object_fitness",
+            pa.float32(),
+            "share of a live cloud's points near the object that lie on it; null where markers told the pose",
+        ),
+        _column(
             "gap",
             VECTOR,
             "signed distance of each site's part of the hand's surface to the object's mesh, or to its "
