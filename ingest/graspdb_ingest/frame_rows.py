@@ -37,8 +37,10 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
     n, track = len(tracked.markers.times), hand.track
     positions, quaternions = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
     residuals = np.full(n, np.nan)
+    fitness = np.full(n, np.nan)
     if tracked.object is not None:
         pose = tracked.object.track
+        fitness = fitness if tracked.object.fitness is None else tracked.object.fitness
         positions, quaternions, residuals = pose.positions, pose.quaternions, pose.residuals
     return pa.Table.from_pydict(
         {
@@ -53,6 +55,7 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "object_position": list_column(positions),
             "object_quaternion": list_column(quaternions),
             "object_residual": number_column(residuals),
+            "object_fitness": number_column(fitness),
             "gap": list_column(hand.posed.gaps.gap),
             "touching": _touching(hand),
             "residual": number_column(track.residual_rms),

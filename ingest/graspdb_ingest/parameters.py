@@ -205,6 +205,28 @@ class QualityParameters:
 
 
 @dataclass(frozen=True)
+class RegistrationParameters:
+    """When a depth camera's cloud tells the pose of an object.
+
+    Attributes
+    ----------
+    reach : float
+        Points of the cloud further than this from the model are not the object's [m].
+    minimum_fitness : float
+        Share of the points within reach that have to lie within three times the noise of the fit.
+    maximum_residual : float
+        Root mean square distance of these to the model's surface, above which there is no pose [m].
+    maximum_gap : float
+        Frames between clouds further apart than this have no pose [s].
+    """
+
+    reach: float = 0.02
+    minimum_fitness: float = 0.5
+    maximum_residual: float = 0.01
+    maximum_gap: float = 0.15
+
+
+@dataclass(frozen=True)
 class IngestParameters:
     """All parameters of an ingest."""
 
@@ -215,6 +237,7 @@ class IngestParameters:
     contact: ContactParameters = field(default_factory=ContactParameters)
     glove: GloveParameters = field(default_factory=GloveParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
+    registration: RegistrationParameters = field(default_factory=RegistrationParameters)
 
     def to_json(self) -> str:
         """Return the parameters as JSON with sorted keys."""

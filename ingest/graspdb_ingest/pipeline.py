@@ -13,6 +13,7 @@ from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import file_sha256, input_key, software_version
+from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
@@ -83,10 +84,11 @@ def process_trial(
         rows["markers"] = marker_rows(key, markers)
         if not reasons:
             gloves = _gloves(session, trial, recording, markers, context, notes)
+            clouds = _clouds(session, trial, markers, context, parameters, notes)
             # matrices of 58 rows are too small to share out: more threads only wait for each other
             with threadpool_limits(1):
                 tracked = track_trial(
-                    markers, context.hands, context.object, np.array(session.up), parameters, gloves
+                    markers, context.hands, context.object, np.array(session.up), parameters, gloves, clouds
                 )
     except GraspDBError as error:
         reasons.append(str(error))
@@ -105,6 +107,25 @@ def process_trial(
     described = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
     rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
+
+
+def _clouds(
+    session: Session,
+    trial: SessionTrial,
+    markers: TrialMarkers,
+    context: Context,
+    parameters: IngestParameters,
+    notes: list[str],
+) -> CloudTrack | None:
+    """Return the object as followed in the trial's live clouds, if it has any."""
+    if trial.clouds is None or context.object is None:
+        return None
+    files = read_cloud_times(trial.clouds)
+    found = follow_clouds(
+        files, session.file_scale, context.object.cloud, markers.times, parameters.registration
+    )
+    notes.extend(found.notes)
+    return found
 
 
 def _trial_row(

@@ -10,6 +10,7 @@ from graspdb_ingest.contact_events import UNKNOWN, ContactEvent, States, contact
 from graspdb_ingest.events import Hold, find_holds
 from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.live import CloudTrack
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
@@ -34,10 +35,13 @@ class TrackedObject:
         Surface, cloud and histograms.
     track : ObjectTrack
         Pose in every frame.
+    fitness : ndarray, shape (n_frames,), or None
+        Fitness of the registration to a live cloud; None where markers told the pose.
     """
 
     prepared: PreparedObject
     track: ObjectTrack
+    fitness: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,7 @@ def track_trial(
     up: Floats,
     parameters: IngestParameters,
     gloves: Mapping[Side, GloveAngles] | None = None,
+    clouds: CloudTrack | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -117,6 +122,8 @@ def track_trial(
         All thresholds.
     gloves : mapping of Side to GloveAngles, optional
         Data gloves that the hands wore.
+    clouds : CloudTrack, optional
+        The object as followed in live clouds, in place of its markers.
 
     Raises
     ------
@@ -124,7 +131,9 @@ def track_trial(
         If a hand cannot be followed, or not in enough frames, or does not fit its markers.
     """
     followed = None
-    if prepared is not None:
+    if prepared is not None and clouds is not None:
+        followed = TrackedObject(prepared, clouds.track, clouds.fitness)
+    elif prepared is not None:
         followed = TrackedObject(
             prepared,
             track_object(

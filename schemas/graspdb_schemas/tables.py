@@ -225,6 +225,11 @@ FRAMES: Final = pa.schema(
             "object_residual", pa.float32(), "rms distance of object markers to their fitted places", "m"
         ),
         _column(
+            "object_fitness",
+            pa.float32(),
+            "share of a live cloud's points near the object that lie on it; null where markers told the pose",
+        ),
+        _column(
             "gap",
             VECTOR,
             "signed distance of each site's part of the hand's surface to the object's mesh, or to its "
@@ -288,6 +293,21 @@ GRASPS: Final = pa.schema(
             "quality",
             pa.map_(pa.string(), pa.float64()),
             "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
+        ),
+        _column("opposition", pa.string(), "pad, palm or side opposition; null where nothing opposes"),
+        _column(
+            "virtual_fingers",
+            pa.list_(TEXTS),
+            "thumb or palm; the digits that oppose it; those that touch and only help (3 lists)",
+        ),
+        _column(
+            "opposition_shares",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the fingers' opposition that is pad, palm and side opposition",
+        ),
+        _column("grasp_type", pa.string(), "type of the GRASP taxonomy; null where no type is likely"),
+        _column(
+            "grasp_type_confidence", pa.float64(), "share of the evidence that this type has, 0.5 or more"
         ),
         _column(
             "object_volume_in_hull",
