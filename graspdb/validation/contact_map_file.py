@@ -118,7 +118,7 @@ def _normals(path: Path, arrays: Mapping[str, Any], positions: Floats) -> Floats
                 path, "faces do not index the positions", "Give triangles, counted from 0."
             )
         mesh = trimesh.Trimesh(positions, faces, process=False)
-        return np.array(mesh.vertex_normals, dtype=float)
+        return np.asarray(mesh.vertex_normals, dtype=np.float64)
     return np.asarray(estimate_normals(np.asarray(positions, dtype=np.float64)))
 
 
