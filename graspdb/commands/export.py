@@ -22,7 +22,9 @@ def _export() -> None:
 
 @export.command()
 def duckdb(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="DuckDB file to write, such as grasps.duckdb.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="DuckDB file to write, such as grasps.duckdb.")
+    ],
     db: Db = DEFAULT_DB,
 ) -> None:
     """Write a small DuckDB file of views on the tables, for any DuckDB client.

@@ -36,6 +36,9 @@ def simulate(
     ] = 0.0,
     rate: Annotated[float, typer.Option(help="Frames per second [Hz].")] = 120.0,
     gloves: Annotated[bool, typer.Option("--gloves", help="Let the hands wear data gloves.")] = False,
+    proportion_sd: Annotated[
+        float, typer.Option(help="Relative spread of bone lengths about the usual proportions, sd.")
+    ] = 0.0,
     as_json: Json = False,
 ) -> None:
     """Simulate a session of reaching, grasping and lifting, with the truth in DIR/truth."""
@@ -53,6 +56,7 @@ def simulate(
         noise=noise,
         rate=rate,
         gloves=gloves,
+        proportion_sd=proportion_sd,
     )
     if as_json:
         import json

@@ -64,6 +64,7 @@ def simulate_session(
     objects: Iterable[str] | None = None,
     kinds: Iterable[str] | None = None,
     gloves: bool = False,
+    proportion_sd: float = 0.0,
 ) -> SimulatedSession:
     """Write a session of simulated recordings, and the truth beside it.
 
@@ -87,6 +88,9 @@ def simulate_session(
         Names of objects and of kinds of grasp to simulate; all where left out.
     gloves : bool
         Whether the hands wear data gloves.
+    proportion_sd : float
+        Relative spread of bones' lengths about the proportions that ingest starts from; with zero,
+        hands have those very proportions.
 
     Returns
     -------
@@ -103,11 +107,13 @@ def simulate_session(
     folder = Path(directory)
     noise = noise if noise is not None else NoiseParameters()
     _check(folder, subjects, trials, seed, experiment, rate)
+    if not 0 <= proportion_sd <= 0.1:
+        raise ParameterError("proportion_sd", proportion_sd, "0 to 0.1")
     bodies = _draw_objects(experiment, objects, seed)
     tasks = list(_tasks(bodies, kinds, trials))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "trials").mkdir()
-    people = [draw_subject(f"s{i + 1}", _generator(seed, 1, i)) for i in range(subjects)]
+    people = [draw_subject(f"s{i + 1}", _generator(seed, 1, i), proportion_sd) for i in range(subjects)]
     truths: dict[str, TrialTruth] = {}
     entries: list[TrialEntry] = []
     for number, subject in enumerate(people):

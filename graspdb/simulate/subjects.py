@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from graspdb.simulate.planning import PlanningHand
 from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
+from graspdb_ingest.hand.dimensions import BASE_JOINT_PROPORTIONS, SEGMENT_LENGTH_PER_HAND_LENGTH
 from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import FOREARM_MARKERS, JOINT_ANGLES, SEGMENT_OF_SITE, SITES, Side
 
@@ -23,6 +24,14 @@ LEFT_HANDED: Final = 0.1
 
 THICKNESS_SD: Final = 0.04
 """Relative spread of joint thicknesses about those that follow from the hand's breadth."""
+
+PROPORTION_SD: Final = 0.05
+"""Relative spread of a bone's length about its share of the hand.
+
+A finger's length varies by 6 to 8 per cent between young adults (Chatzioglou, Pinar and Govsa, Anat.
+Cell Biol. 57, 2024, 172-182) and a hand's by 5 to 6; what is left, independent of the hand's size,
+is 4 to 5 per cent.
+"""
 
 PULLING_JOINT: Final[tuple[str, ...]] = (
     *("wrist_flexion" for _ in FOREARM_MARKERS),
@@ -47,7 +56,7 @@ class SimulatedSubject:
     side : Side
         The recorded hand.
     dimensions : HandDimensions
-        True dimensions, which are also what was measured [m].
+        True dimensions [m]; all but the proportions are also what was measured.
     placements : dict of str to MarkerPlacement
         The 24 markers; those of the forearm at places that only the truth knows.
     """
@@ -76,8 +85,19 @@ class SimulatedSubject:
         return np.array([JOINT_ANGLES.index(joint) for joint in PULLING_JOINT])
 
 
-def draw_subject(name: str, rng: np.random.Generator) -> SimulatedSubject:
-    """Return a person; lengths are whole tenths of a millimetre, so a manifest holds them exactly."""
+def draw_subject(name: str, rng: np.random.Generator, proportion_sd: float = 0.0) -> SimulatedSubject:
+    """Return a person; lengths are whole tenths of a millimetre, so a manifest holds them exactly.
+
+    Parameters
+    ----------
+    name : str
+        Name in the session.
+    rng : numpy.random.Generator
+        Draws everything.
+    proportion_sd : float
+        Relative spread of the bones' lengths about their usual shares of the hand; zero gives a
+        hand of the model's own proportions, else the same person as with zero.
+    """
     length = round(rng.uniform(*HAND_LENGTH), 4)
     breadth = round(length * rng.uniform(*BREADTH_PER_LENGTH), 4)
     usual = 2 * HandDimensions(length, breadth).radii
@@ -85,7 +105,17 @@ def draw_subject(name: str, rng: np.random.Generator) -> SimulatedSubject:
     thickness = {site: round(float(t), 4) for site, t in zip(SITES, measured, strict=True)}
     side = Side.LEFT if rng.random() < LEFT_HANDED else Side.RIGHT
     placements = placements_of(_forearm_offsets(breadth, rng))
-    return SimulatedSubject(name, side, HandDimensions(length, breadth, thickness), placements)
+    proportions = _draw_proportions(proportion_sd, rng) if proportion_sd else {}
+    return SimulatedSubject(name, side, HandDimensions(length, breadth, thickness, proportions), placements)
+
+
+def _draw_proportions(sd: float, rng: np.random.Generator) -> dict[str, float]:
+    """Return a factor for each site's distance; those of the middle finger keep the hand's length."""
+    factors = 1 + sd * np.clip(rng.standard_normal(len(SITES)), -2.5, 2.5)
+    middle = slice(SITES.index("middle_mcp"), SITES.index("middle_tip") + 1)
+    shares = [BASE_JOINT_PROPORTIONS["middle"][0], *SEGMENT_LENGTH_PER_HAND_LENGTH["middle"]]
+    factors /= np.average(factors[middle], weights=shares)
+    return {site: round(float(factor), 5) for site, factor in zip(SITES, factors, strict=True)}
 
 
 def placements_of(forearm: Mapping[str, tuple[float, float, float]]) -> dict[str, MarkerPlacement]:

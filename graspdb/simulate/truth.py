@@ -202,12 +202,18 @@ def _subject_as_json(subject: SimulatedSubject) -> dict[str, Any]:
         "hand_length": subject.dimensions.hand_length,
         "hand_breadth": subject.dimensions.hand_breadth,
         "joint_thickness": dict(subject.dimensions.joint_thickness),
+        "proportions": dict(subject.dimensions.proportions),
         "forearm_markers": {k: p.offset for k, p in subject.placements.items() if p.offset is not None},
     }
 
 
 def _subject_from_json(name: str, content: dict[str, Any]) -> SimulatedSubject:
-    dimensions = HandDimensions(content["hand_length"], content["hand_breadth"], content["joint_thickness"])
+    dimensions = HandDimensions(
+        content["hand_length"],
+        content["hand_breadth"],
+        content["joint_thickness"],
+        content["proportions"],
+    )
     forearm = {k: tuple(offset) for k, offset in content["forearm_markers"].items()}
     return SimulatedSubject(name, Side(content["side"]), dimensions, placements_of(forearm))
 

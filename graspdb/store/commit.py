@@ -205,7 +205,10 @@ def _publish(
 def _trial_row(item: _Prepared, state: _State) -> pa.Table:
     """Return the row in `trials`; session-level rows that another writer has committed meanwhile win."""
     context = [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
-    row = item.trial.row.append_column("context", pa.array([context], pa.list_(pa.string())))
+    counts = [(name, table.num_rows) for name, table in item.trial.tables.items()]
+    row = item.trial.row.append_column("context", pa.array([context], pa.list_(pa.string()))).append_column(
+        "table_rows", pa.array([counts], pa.map_(pa.string(), pa.int32()))
+    )
     return _stamped("trials", row, item.ingest_id)
 
 

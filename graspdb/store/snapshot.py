@@ -2,8 +2,9 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -12,11 +13,12 @@ import pyarrow.compute as pc
 from deltalake import DeltaTable
 from deltalake.exceptions import DeltaError
 
+from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
 from graspdb.store.layout import first_line, open_table, read_trials
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
-from graspdb_schemas.tables import SESSION_TABLES, TABLES
+from graspdb_schemas.tables import SESSION_TABLES, TABLES, TRIAL_TABLES
 
 _PLAIN_NAME: Final = re.compile(r"[\w.-]+\.parquet")
 
@@ -89,10 +91,11 @@ def take_snapshot(root: Path) -> Snapshot:
             break
         trials = latest
         patience.pause()
+    rows = cache(lambda: read_trials(trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
         versions={name: table.version() for name, table in tables.items()},
-        sources={name: _source(root, name, table, ids.of(name)) for name, table in tables.items()},
+        sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
     )
 
 
@@ -105,17 +108,20 @@ def committed_ids(trials: DeltaTable) -> CommittedIds:
 
 @dataclass(frozen=True)
 class TableFiles:
-    """The files of one version of a table: names, and least and greatest ingest_id of each.
+    """The files of one version of a table: names, rows, and least and greatest ingest_id of each.
 
     Attributes
     ----------
     paths : pyarrow.Array of string
         Absolute paths.
+    n_rows : pyarrow.Array of integer
+        Number of rows; null where the log does not say.
     least, greatest : pyarrow.Array of string
         Null where the log does not say.
     """
 
     paths: pa.Array
+    n_rows: pa.Array
     least: pa.Array
     greatest: pa.Array
 
@@ -151,6 +157,7 @@ def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
             )
     return TableFiles(
         pa.array([str(folder / file) for file in names], pa.string()),
+        actions["num_records"].combine_chunks(),
         _column(actions, "min.ingest_id"),
         _column(actions, "max.ingest_id"),
     )
@@ -169,16 +176,25 @@ def _column(actions: pa.Table, name: str) -> pa.Array:
     return actions[name].combine_chunks().cast(pa.string())
 
 
-def _source(root: Path, name: str, table: DeltaTable, committed: pa.Array) -> TableSource:
+def _source(
+    root: Path, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
+) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)
     if name == "trials":
         return TableSource(files=tuple(files.paths.to_pylist()))
-    visible = pc.is_in(files.least, committed)
-    whole = pc.and_(files.single, visible)
-    mixed = pc.invert(files.single)
+    seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
+    files = TableFiles(
+        *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
+    )
+    whole = files.single
+    if name in TRIAL_TABLES and pc.any(pc.invert(whole)).as_py():
+        ids, written = written_rows(table_rows(), name)
+        whole = pc.or_(
+            whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written))
+        )
     return TableSource(
         files=tuple(files.paths.filter(whole).to_pylist()),
-        mixed_files=tuple(files.paths.filter(mixed).to_pylist()),
+        mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),
         committed=committed,
     )

@@ -15,7 +15,9 @@ from graspdb_ingest.enclosure import (
 )
 from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
+from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.solid import Inside
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.quality import GraspQuality, grasp_quality
@@ -47,6 +49,10 @@ class Grasp:
         The hand enclosing space, object frame.
     feature : GraspableFeature
         The object's points in it.
+    shape : FeatureShape
+        The feature's pieces, how it bends and which side of the hand it faces.
+    inside : Inside or None
+        Volume and surface of the object in the enclosing space; None where its mesh bounds no body.
     quality : GraspQuality
         How well the contacts can hold the object.
     """
@@ -57,6 +63,8 @@ class Grasp:
     contacts: Contacts
     space: EnclosingSpace
     feature: GraspableFeature
+    shape: FeatureShape
+    inside: Inside | None
     quality: GraspQuality
 
 
@@ -75,11 +83,17 @@ def _grasp(
     key: str, hold: Hold, hand: TrackedHand, followed: TrackedObject, parameters: IngestParameters
 ) -> Grasp:
     posed = hand.posed.frame(hold.snapshot)
-    return enclose(key, hold, posed, followed.prepared, parameters)
+    rotation = _object_from_hand(hand, followed, hold.snapshot)[:3, :3]
+    return enclose(key, hold, posed, rotation, followed.prepared, parameters)
 
 
 def enclose(
-    key: str, hold: Hold, posed: PosedHand, prepared: PreparedObject, parameters: IngestParameters
+    key: str,
+    hold: Hold,
+    posed: PosedHand,
+    rotation: Floats,
+    prepared: PreparedObject,
+    parameters: IngestParameters,
 ) -> Grasp:
     """Return the grasp of a hand at one instant: contacts, enclosing space and graspable feature.
 
@@ -91,18 +105,25 @@ def enclose(
         What the grasp is called, and when.
     posed : PosedHand
         The hand at that instant, and its gaps.
+    rotation : ndarray, shape (3, 3)
+        object_from_hand rotation of the hand segment.
     prepared : PreparedObject
         The object.
     parameters : IngestParameters
         Contact, enclosing space and quality.
     """
+    side = posed.points.side
     contacts = touching(posed, parameters.contact.threshold, prepared.distance)
     centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
     space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
+    shape = feature_shape(
+        prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
+    )
+    inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, posed.points.side, hold, contacts, space, feature, quality)
+    return Grasp(key, side, hold, contacts, space, feature, shape, inside, quality)
 
 
 def grasp_rows(
@@ -185,6 +206,8 @@ def held_columns(grasp: Grasp, posed: PosedHand, parameters: ContactParameters) 
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
+        "object_volume_in_hull": None if grasp.inside is None else grasp.inside.volume,
+        "object_area_in_hull": None if grasp.inside is None else grasp.inside.area,
         "quality": list(grasp.quality.indices().items()),
         "force_closure": grasp.quality.force_closure,
     }
@@ -224,7 +247,7 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
 
 def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, object]:
     """Return the row of `features`."""
-    feature, space = grasp.feature, grasp.space
+    feature, shape, space = grasp.feature, grasp.shape, grasp.space
     empty = not len(feature.points)
     return {
         "grasp": grasp.key,
@@ -237,5 +260,11 @@ def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, 
         "centroid": None if empty else feature.centroid.tolist(),
         "extents": feature.extents.tolist(),
         "area": feature.area,
+        "patches": shape.patches.tolist(),
+        "patch_areas": shape.patch_areas.tolist(),
+        "curvature_class": shape.curvature_class,
+        "curvature_shares": list(shape.curvature_shares.items()),
+        "hand_side": shape.hand_side,
+        "hand_sides": list(shape.hand_sides.items()),
         "descriptor": None if empty else feature.descriptor.tolist(),
     }

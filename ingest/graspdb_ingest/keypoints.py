@@ -160,7 +160,9 @@ def static_grasp(
     """Return contacts, enclosing space and feature of a static grasp, and the hand with its gaps."""
     points = HandPoints(described.key_points[None], described.dimensions.radii, described.side)
     posed = pose_hand(points, parameters.contact.surface, prepared.distance).frame(0)
-    return enclose(f"{described.trial}/{described.side}/0", STATIC, posed, prepared, parameters), posed
+    rotation = object_from_hand(described.key_points, described.dimensions, described.side)[:3, :3]
+    key = f"{described.trial}/{described.side}/0"
+    return enclose(key, STATIC, posed, rotation, prepared, parameters), posed
 
 
 def _lengths(key_points: Floats) -> Floats:

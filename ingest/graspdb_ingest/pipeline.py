@@ -10,11 +10,14 @@ from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.contact_rows import contact_rows
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
+from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
+from graspdb_ingest.readers.glove import read_glove
+from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
@@ -74,13 +77,15 @@ def process_trial(
     notes: list[str] = []
     n_grasps = 0
     try:
-        markers = select_markers(read_recording(trial.file, session.file_scale), session, trial)
+        recording = read_recording(trial.file, session.file_scale)
+        markers = select_markers(recording, session, trial)
         rows["markers"] = marker_rows(key, markers)
         if not reasons:
+            gloves = _gloves(session, trial, recording, markers, context, notes)
             # matrices of 58 rows are too small to share out: more threads only wait for each other
             with threadpool_limits(1):
                 tracked = track_trial(
-                    markers, context.hands, context.object, np.array(session.up), parameters
+                    markers, context.hands, context.object, np.array(session.up), parameters, gloves
                 )
     except GraspDBError as error:
         reasons.append(str(error))
@@ -113,7 +118,7 @@ def _trial_row(
     times = None if markers is None else markers.times
     groups = {} if tracked is None else _residuals_by_group(session, tracked)
     notes = [*notes, *([] if markers is None else _notes(markers))]
-    notes += [] if tracked is None else [n for hand in tracked.hands.values() for n in hand.prepared.notes]
+    notes += [] if tracked is None else _hand_notes(tracked)
     return {
         "session": session.id,
         "trial": f"{session.id}/{trial.name}",
@@ -135,12 +140,55 @@ def _trial_row(
         "missing_fraction": None if markers is None else _missing(markers),
         "residual_rms": None if tracked is None else _overall(tracked),
         "residual_rms_by_group": list(groups.items()),
+        "glove_offset": _sensors(tracked, "offset"),
+        "glove_sd": _sensors(tracked, "sd"),
     }
 
 
 def _notes(markers: TrialMarkers) -> list[str]:
     """Return what is worth knowing of a trial that is none the worse for it."""
     return [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+
+
+def _hand_notes(tracked: TrackedTrial) -> list[str]:
+    """Return what is worth knowing of a trial's hand models and gloves."""
+    notes: list[str] = []
+    for hand in tracked.hands.values():
+        notes += [*hand.prepared.notes, *(() if hand.glove is None else hand.glove.notes)]
+    return notes
+
+
+def _gloves(
+    session: Session,
+    trial: SessionTrial,
+    recording: Recording,
+    markers: TrialMarkers,
+    context: Context,
+    notes: list[str],
+) -> Mapping[Side, GloveAngles]:
+    """Return the joint angles of a trial's glove by hand; a glove that cannot be used is noted."""
+    if trial.glove is None:
+        return {}
+    hands = {side: hand.hand for side, hand in context.hands.items()}
+    try:
+        glove = read_glove(trial.glove, session.glove)
+        picked, about = select_glove(glove, recording, markers.times, hands)
+    except GraspDBError as error:
+        notes.append(f"glove not used: {error}")
+        return {}
+    notes += about
+    return picked
+
+
+def _sensors(tracked: TrackedTrial | None, what: str) -> list[tuple[str, float]]:
+    """Return an attribute of each glove sensor that was used, by joint, behind its side if there are two."""
+    hands = {} if tracked is None else tracked.hands
+    return [
+        (joint if len(hands) == 1 else f"{side}_{joint}", float(value))
+        for side, hand in hands.items()
+        if hand.glove is not None
+        for joint, value in zip(hand.glove.joints, getattr(hand.glove, what), strict=True)
+    ]
 
 
 def _missing(markers: TrialMarkers) -> float | None:

@@ -97,8 +97,19 @@ def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
             "segment_lengths": [list(hand.hand.segment_lengths.items()) for hand in hands],
             "radii": [hand.hand.radii.tolist() for hand in hands],
             "calibrated_markers": [list(hand.calibrated_markers) for hand in hands],
-            "residual_before": [_rms(hand.before) for hand in hands],
-            "residual": [_rms(hand.after) for hand in hands],
+            "residual_before": [_rms(hand.calibration.before) for hand in hands],
+            "residual": [_rms(hand.calibration.after) for hand in hands],
+            "segment_length_sd": [list(hand.calibration.length_sd.items()) for hand in hands],
+            "markers": [list(hand.hand.markers) for hand in hands],
+            "marker_residuals_before": [_known(hand.calibration.before) for hand in hands],
+            "marker_residuals": [_known(hand.calibration.after) for hand in hands],
+            "marker_sd": [hand.calibration.marker_sd.tolist() for hand in hands],
+            "n_calibration_frames": [hand.calibration.n_frames for hand in hands],
+            "prior_mean": [hand.prior.mean.tolist() for hand in hands],
+            "prior_covariance": [hand.prior.covariance.tolist() for hand in hands],
+            "n_prior_frames": [hand.learned.n_frames for hand in hands],
+            "n_prior_postures": [hand.learned.n_independent for hand in hands],
+            "calibration_notes": [list(hand.calibration.notes) for hand in hands],
         },
         schema=rows_schema("hands"),
     )
@@ -116,9 +127,14 @@ def object_point_rows(session: str, prepared: PreparedObject) -> pa.Table:
             "normal": list_column(cloud.normals),
             "area": cloud.areas,
             "fpfh": list_column(prepared.histograms),
+            "curvatures": list_column(prepared.curvatures),
         },
         schema=rows_schema("object_points"),
     )
+
+
+def _known(by_marker: Floats) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in by_marker]
 
 
 def _rms(by_marker: Floats) -> float | None:

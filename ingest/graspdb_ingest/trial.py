@@ -1,13 +1,14 @@
 """One trial from its recording to its rows: track, gap, hold, contact, enclose, describe."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_ingest.contact_events import UNKNOWN, ContactEvent, States, contact_events, contact_states
 from graspdb_ingest.events import Hold, find_holds
+from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
@@ -15,6 +16,8 @@ from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.surface import HandPoints, key_points
 from graspdb_ingest.surface.touch import PosedHand, pose_hand
+from graspdb_ingest.tracking.fit import FREE, SEVEN
+from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.errors import TrackingError
@@ -57,6 +60,8 @@ class TrackedHand:
         When each site touched.
     holds : tuple of Hold
         When the hand held the object.
+    glove : GloveFit or None
+        What its data glove was worth, where it wore one.
     """
 
     prepared: PreparedHand
@@ -66,6 +71,7 @@ class TrackedHand:
     states: States
     events: tuple[ContactEvent, ...]
     holds: tuple[Hold, ...]
+    glove: GloveFit | None = None
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,7 @@ def track_trial(
     prepared: PreparedObject | None,
     up: Floats,
     parameters: IngestParameters,
+    gloves: Mapping[Side, GloveAngles] | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -108,6 +115,8 @@ def track_trial(
         Vertical of the lab frame.
     parameters : IngestParameters
         All thresholds.
+    gloves : mapping of Side to GloveAngles, optional
+        Data gloves that the hands wore.
 
     Raises
     ------
@@ -126,12 +135,38 @@ def track_trial(
         )
     tracked = {}
     for side, hand in hands.items():
-        track = track_hand(
-            hand.hand, markers.hands[side], markers.recording.rate, hand.prior, parameters.tracking
-        )
+        positions, rate = markers.hands[side], markers.recording.rate
+        track = follow(hand, positions, rate, parameters)
+        glove = None
+        if gloves is not None and side in gloves:
+            glove = _compare(gloves[side], hand, markers, track, parameters)
+            track = follow(hand, positions, rate, parameters, glove.measurement)
         _check(track, side, parameters)
-        tracked[side] = _with_holds(hand, track, followed, markers, up, parameters)
+        tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
+
+
+def follow(
+    hand: PreparedHand,
+    markers: Floats,
+    rate: float,
+    parameters: IngestParameters,
+    glove: GloveMeasurement | None = None,
+) -> HandTrack:
+    """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
+    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking, glove, hand.noise)
+
+
+def _compare(
+    glove: GloveAngles,
+    hand: PreparedHand,
+    markers: TrialMarkers,
+    track: HandTrack,
+    parameters: IngestParameters,
+) -> GloveFit:
+    """Compare a glove with the hand that was followed by its markers alone."""
+    angles, angles_sd = track.q[:, SEVEN:], track.q_sd[:, FREE:]
+    return fit_glove(glove, hand.hand, markers.times, angles, angles_sd, parameters.glove)
 
 
 def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:

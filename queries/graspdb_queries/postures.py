@@ -116,7 +116,9 @@ def at_least_one(parameters: Mapping[str, Any], name: str) -> int:
     return int(value)
 
 
-def whole_rows(rows: Iterable[pa.RecordBatch], joints: tuple[str, ...]) -> Iterable[tuple[pa.RecordBatch, Array]]:
+def whole_rows(
+    rows: Iterable[pa.RecordBatch], joints: tuple[str, ...]
+) -> Iterable[tuple[pa.RecordBatch, Array]]:
     """Yield the rows that have every joint angle, and these angles in the order of `joints`, shape (n, d).
 
     The rows have a column ``angles``, a list of the 23 of JOINT_ANGLES.

@@ -95,6 +95,19 @@ HANDS: Final = pa.schema(
         _column("calibrated_markers", TEXTS, "markers whose offsets calibration found"),
         _column("residual_before", pa.float64(), "rms distance of marker to model at the start", "m"),
         _column("residual", pa.float64(), "rms distance of marker to model after calibration", "m"),
+        _column(
+            "segment_length_sd", pa.map_(pa.string(), pa.float64()), "standard deviation by segment", "m"
+        ),
+        _column("markers", TEXTS, "labels of the hand's markers, in the order of the columns by marker"),
+        _column("marker_residuals_before", VECTOR, "rms distance of each marker at the start", "m"),
+        _column("marker_residuals", VECTOR, "rms distance of each marker after calibration", "m"),
+        _column("marker_sd", VECTOR, "standard deviation of each marker about its place, each axis", "m"),
+        _column("n_calibration_frames", pa.int32(), "frames that the hand was calibrated on"),
+        _column("prior_mean", VECTOR, "mean of the posture prior, in the order of the hinges (23)", "rad"),
+        _column("prior_covariance", MATRIX, "covariance of the posture prior (23 x 23)", "rad2"),
+        _column("n_prior_frames", pa.int32(), "frames that the prior was learned from; 0 for any hand's"),
+        _column("n_prior_postures", pa.float64(), "independent postures that they are worth"),
+        _column("calibration_notes", TEXTS, "what the recordings could not tell, and what stands in for it"),
         _INGEST_ID,
     ]
 )
@@ -108,6 +121,12 @@ OBJECT_POINTS: Final = pa.schema(
         _column("normal", VECTOR32, "outward unit normal in the object frame (3)"),
         _column("area", pa.float32(), "surface area that the point stands for", "m2"),
         _column("fpfh", VECTOR32, "fast point feature histogram (33)"),
+        _column(
+            "curvatures",
+            VECTOR32,
+            "principal curvatures, greater magnitude first, convex positive (2)",
+            "1/m",
+        ),
         _INGEST_ID,
     ]
 )
@@ -140,7 +159,19 @@ TRIALS: Final = pa.schema(
             "m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column(
+            "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
+        ),
+        _column(
+            "glove_sd",
+            pa.map_(pa.string(), pa.float64()),
+            "standard deviation of each glove sensor about the hand",
+            "rad",
+        ),
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
+        _column(
+            "table_rows", pa.map_(pa.string(), pa.int32()), "number of rows it has in other tables, by table"
+        ),
         _INGEST_ID,
     ]
 )
@@ -240,6 +271,18 @@ GRASPS: Final = pa.schema(
             pa.map_(pa.string(), pa.float64()),
             "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
         ),
+        _column(
+            "object_volume_in_hull",
+            pa.float64(),
+            "volume of the object in the enclosing space; null where its mesh is not closed",
+            "m3",
+        ),
+        _column(
+            "object_area_in_hull",
+            pa.float64(),
+            "area of the object's mesh in the enclosing space, exactly; null where it is not closed",
+            "m2",
+        ),
         _column("force_closure", pa.bool_(), "whether the contacts resist every force and torque"),
         _INGEST_ID,
     ]
@@ -274,6 +317,20 @@ FEATURES: Final = pa.schema(
         _column("extents", VECTOR, "size along the feature's principal axes, largest first (3)", "m"),
         _column("area", pa.float64(), "surface area of the feature", "m2"),
         _column("descriptor", VECTOR32, "mean, then standard deviation, of the points' FPFH (66)"),
+        _column("patches", INDICES, "connected piece of each of the points, from 0, the largest"),
+        _column("patch_areas", VECTOR, "area of each connected piece, largest first", "m2"),
+        _column("curvature_class", pa.string(), "handle, edge, flat or rounded; null for an empty feature"),
+        _column(
+            "curvature_shares",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the area bent like a bar, sharply, hardly: bar, sharp, flat",
+        ),
+        _column("hand_side", pa.string(), "side of the hand that most of the area faces"),
+        _column(
+            "hand_sides",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the area that faces each side: palmar, dorsal, radial, ulnar, distal, proximal",
+        ),
         _INGEST_ID,
     ]
 )
@@ -354,7 +411,7 @@ TRIAL_TABLES: Final = (
 )
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
-STORE_COLUMNS: Final = ("ingest_id", "context")
+STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows")
 """Columns that the store fills in; whoever makes rows leaves them out."""
 
 TABLE_DOCS: Final[dict[str, str]] = {

@@ -8,7 +8,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.filter import HandFilter, State
-from graspdb_ingest.tracking.motion import motion_model
+from graspdb_ingest.tracking.motion import MotionNoise, motion_model, to_blocks
 from graspdb_schemas.vocabulary import N_DOF, Side
 
 RATE, NOISE = 120.0, 0.001
@@ -26,7 +26,7 @@ def prior(hand):
 
 @pytest.fixture(scope="module")
 def motion(hand, prior):
-    return motion_model(hand, prior, TrackingParameters(), 1 / RATE)
+    return motion_model(hand, prior, MotionNoise.assumed(TrackingParameters()), 1 / RATE)
 
 
 @pytest.fixture
@@ -77,15 +77,15 @@ def test_covariance_stays_symmetric_and_positive(filter_, hand, prior):
 def test_normalised_estimation_error_squared_is_about_the_degrees_of_freedom(filter_, hand, prior, motion):
     rng = np.random.default_rng(3)
     truth = filter_.start(hand.neutral())
-    truth = State(np.r_[truth.q[:7], prior.mean], truth.velocity, truth.covariance)
+    truth = State(np.r_[truth.q[:7], prior.mean], truth.velocity, truth.blocks)
     root = np.linalg.cholesky(motion.noise)
     state, errors = truth, []
     for i in range(360):
-        moved = filter_.predict(State(truth.q, truth.velocity, truth.covariance * 0))
+        moved = filter_.predict(State(truth.q, truth.velocity, truth.blocks * 0))
         shock = root @ rng.normal(size=2 * N_DOF)
         q = hand.integrate(moved.q, shock[:N_DOF])
         q[7:] = np.clip(q[7:], *hand.joint_range.T)
-        truth = State(q, moved.velocity + shock[N_DOF:], truth.covariance)
+        truth = State(q, moved.velocity + shock[N_DOF:], truth.blocks)
         observed = hand.forward(q).markers + rng.normal(0, NOISE, (24, 3))
         state = filter_.update(filter_.predict(state), observed).state
         if i >= 60:
@@ -118,7 +118,7 @@ def test_frame_without_markers_changes_nothing(filter_, hand, prior):
 def test_hand_left_alone_relaxes_to_the_mean_posture(filter_, hand, prior):
     q = hand.neutral()
     q[7:] = prior.mean + 0.2
-    state = State(q, np.zeros(N_DOF), 1e-6 * np.eye(2 * N_DOF))
+    state = State(q, np.zeros(N_DOF), to_blocks(1e-6 * np.eye(2 * N_DOF)))
     for _ in range(4 * 120):
         state = filter_.predict(state)
     assert np.allclose(state.q[7:], prior.mean, atol=1e-4)

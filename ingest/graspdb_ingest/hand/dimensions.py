@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_schemas.errors import ParameterError, nearest
-from graspdb_schemas.vocabulary import DIGITS, FINGERS, SITES, Side
+from graspdb_schemas.vocabulary import DIGITS, FINGERS, JOINTS_OF_DIGIT, SITES, Side
 
 SEGMENT_LENGTH_PER_HAND_LENGTH: Final[dict[str, tuple[float, float, float]]] = {
     "thumb": (0.251, 0.196, 0.158),
@@ -61,6 +61,9 @@ class HandDimensions:
         Breadth over the knuckles of the fingers [m].
     joint_thickness : mapping of str to float
         Caliper thickness by site [m]; the sites left out are scaled from the hand's breadth.
+    proportions : mapping of str to float
+        By site, its distance from the site before it (a first joint's from the wrist) over the one
+        that usual proportions give; 1 for the sites left out.
 
     Raises
     ------
@@ -71,6 +74,7 @@ class HandDimensions:
     hand_length: float
     hand_breadth: float
     joint_thickness: Mapping[str, float] = field(default_factory=dict)
+    proportions: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         low, high = PLAUSIBLE_HAND_LENGTH
@@ -87,6 +91,12 @@ class HandDimensions:
             if not 0 < thickness < 0.5 * self.hand_breadth:
                 allowed = "above zero and below half the hand's breadth, in metres"
                 raise ParameterError(f"joint_thickness.{site}", thickness, allowed)
+        for site, factor in self.proportions.items():
+            if site not in SITES:
+                allowed = f"one of {', '.join(SITES)}{nearest(site, SITES)}"
+                raise ParameterError("proportions", site, allowed)
+            if not 0.5 <= factor <= 2:
+                raise ParameterError(f"proportions.{site}", factor, "0.5 to 2")
 
     @property
     def radii(self) -> NDArray[np.float64]:
@@ -99,13 +109,15 @@ class HandDimensions:
         """Return the first joint of a digit in the hand segment's frame [m], shape (3,)."""
         distal, radial, dorsal = BASE_JOINT_PROPORTIONS[digit]
         mirror = 1.0 if side is Side.RIGHT else -1.0
-        return np.array(
+        usual = np.array(
             [
                 distal * self.hand_length,
                 mirror * radial * self.hand_breadth,
                 dorsal * self.hand_breadth,
             ]
         )
+        usual *= self._factors(digit)[0]
+        return usual
 
     def joint_distances(self, digit: str) -> NDArray[np.float64]:
         """Return the distances between a digit's four sites, from the palm outwards [m], shape (3,).
@@ -113,8 +125,13 @@ class HandDimensions:
         The last site is the centre of the tip's sphere, so the distal phalanx loses that radius.
         """
         lengths = np.array(SEGMENT_LENGTH_PER_HAND_LENGTH[digit]) * self.hand_length
+        lengths *= self._factors(digit)[1:]
         lengths[2] -= self.radii[4 * DIGITS.index(digit) + 3]
         return lengths
+
+    def _factors(self, digit: str) -> NDArray[np.float64]:
+        """Return the proportions of a digit's four sites, shape (4,)."""
+        return np.array([self.proportions.get(f"{digit}_{j}", 1.0) for j in JOINTS_OF_DIGIT[digit]])
 
 
 def fan_angle(finger: str) -> float:

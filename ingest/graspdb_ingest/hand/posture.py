@@ -79,3 +79,41 @@ def _correlation(joints: tuple[str, ...]) -> NDArray[np.float64]:
     rows = [place[flexions[i]] for i in here]
     correlation[np.ix_(rows, rows)] = coupled[np.ix_(here, here)]
     return correlation
+
+
+def learned_prior(
+    default: PosturePrior, angles: NDArray[np.float64], spreads: NDArray[np.float64], n_independent: float
+) -> PosturePrior:
+    """Return the prior that a default one becomes after postures have been seen.
+
+    The conjugate (normal and inverse Wishart) posterior: the default counts as one posture for the
+    mean and, for the covariance, as the fewest for which an inverse Wishart distribution has a
+    mean, the number of joints and two more. Postures are seldom known exactly, so their own
+    covariances are part of the spread (expectation maximisation's second step); a joint that no
+    marker shows then keeps the spread it had.
+
+    Parameters
+    ----------
+    default : PosturePrior
+        What is known of any hand.
+    angles : ndarray, shape (n_postures, n_hinges)
+        Estimates of the joint angles [rad].
+    spreads : ndarray, shape (n_postures, n_hinges, n_hinges)
+        Covariance of each estimate [rad2].
+    n_independent : float
+        How many independent postures they are worth; neighbouring frames are one and the same.
+
+    Returns
+    -------
+    PosturePrior
+        The prior for this hand.
+    """
+    n_default = angles.shape[1] + 2
+    found = angles.mean(axis=0)
+    mean = (default.mean + n_independent * found) / (1 + n_independent)
+    about, off = angles - found, found - default.mean
+    scatter = about.T @ about / len(angles) + spreads.mean(axis=0)
+    total = n_default * default.covariance + n_independent * scatter
+    total += n_independent / (1 + n_independent) * np.outer(off, off)
+    covariance = total / (n_default + n_independent)
+    return PosturePrior(mean=mean, covariance=(covariance + covariance.T) / 2)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 from scipy.stats import chi2
 
@@ -17,7 +18,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
-from graspdb_ingest.tracking.motion import MotionModel
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, from_blocks, left_half, to_blocks
 
 LIMIT_SD: Final = np.deg2rad(0.5)
 """Tightness with which an angle beyond its limit is pulled back to it [rad]."""
@@ -36,13 +37,40 @@ class State:
         Configuration.
     velocity : ndarray, shape (n_dof,)
         Velocity [m/s, rad/s].
-    covariance : ndarray, shape (2 * n_dof, 2 * n_dof)
-        Covariance of the error in position, then velocity.
+    blocks : ndarray, shape (4, n_dof, n_dof)
+        Covariance of the error in position and velocity, as `motion.to_blocks` lays it out.
     """
 
     q: Floats
     velocity: Floats
-    covariance: Floats
+    blocks: Blocks
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance of the error in position, then velocity, shape (2 * n_dof, 2 * n_dof)."""
+        return from_blocks(self.blocks)
+
+    @property
+    def position_covariance(self) -> Floats:
+        """Covariance of the error in position, shape (n_dof, n_dof)."""
+        return np.asarray(self.blocks[2])
+
+
+@dataclass(frozen=True)
+class JointReadings:
+    """Joint angles that were measured in one frame, besides markers.
+
+    Attributes
+    ----------
+    hinges : ndarray of int, shape (k,)
+        Places among the hand's hinges.
+    angles, variance : ndarray, shape (k,)
+        Angles [rad] and the variances of their errors [rad2].
+    """
+
+    hinges: NDArray[np.int64]
+    angles: Floats
+    variance: Floats
 
 
 @dataclass(frozen=True)
@@ -103,13 +131,14 @@ class HandFilter:
         self._prior = prior
         self._weight = 1 / marker_sd**2
         self._gate = float(chi2.ppf(gate, df=3))
+        self._angle_gate = float(chi2.ppf(gate, df=1))
 
     def start(self, q: Floats) -> State:
         """Return a state at a fitted configuration, at rest, with the spread of any hand."""
-        return State(q, np.zeros(self._n), self._motion.stationary.copy())
+        return State(q, np.zeros(self._n), to_blocks(self._motion.stationary))
 
-    def predict(self, state: State) -> State:
-        """Return the state one step later.
+    def predict(self, state: State, activity: Floats | None = None) -> State:
+        """Return the state one step later, its process noise multiplied by `activity`, shape (n_dof,).
 
         The free joint's own axes turn by the small angle of a step meanwhile; that second-order
         turn of its covariance is left out.
@@ -117,10 +146,12 @@ class HandFilter:
         offset = np.zeros(self._n)
         offset[FREE:] = state.q[SEVEN:] - self._prior.mean
         change, velocity = self._motion.predict_mean(offset, state.velocity)
-        covariance = self._motion.predict_covariance(state.covariance)
-        return State(self._hand.integrate(state.q, change), velocity, covariance)
+        blocks = self._motion.predict_covariance(state.blocks, activity)
+        return State(self._hand.integrate(state.q, change), velocity, blocks)
 
-    def update(self, state: State, observed: Floats, gated: bool = True) -> Update:
+    def update(
+        self, state: State, observed: Floats, gated: bool = True, readings: JointReadings | None = None
+    ) -> Update:
         """Correct a predicted state by a frame of markers.
 
         Gauss-Newton steps from the prediction, until every marker is linearised near the corrected
@@ -134,6 +165,8 @@ class HandFilter:
             Marker positions [m], NaN where not seen.
         gated : bool
             Whether to leave out markers whose innovation is beyond the gate.
+        readings : JointReadings, optional
+            Joint angles that were measured besides.
 
         Returns
         -------
@@ -143,27 +176,42 @@ class HandFilter:
         seen = visible(observed)
         jacobian, innovation = self._linearise(state.q, observed, seen)
         used = self._passing(state, jacobian, innovation, seen) if gated else seen
-        if not used.any():
+        angles = None if readings is None else self._angles(state, readings)
+        if not used.any() and angles is None:
             return Update(state, used, False, np.zeros((self._n, self._n)), np.zeros(self._n))
         weight = np.where(used, self._weight, 0.0)
         step = np.zeros(2 * self._n)
         for _ in range(MAXIMUM_LINEARISATIONS):
             last = step[: self._n]
             information, gradient = _normal_equations(jacobian, innovation, weight, last)
+            if angles is not None:
+                dofs, precision, innovations = angles
+                information[dofs, dofs] += precision
+                gradient[dofs] += precision * innovations
             at_limit, solved = self._solve(state, information, gradient)
-            step = state.covariance[:, : self._n] @ solved[-1]
+            step = left_half(state.blocks) @ solved[-1]
             if np.abs(step[3 : self._n] - last[3:]).max() < LARGE_STEP:
                 break
             moved = self._hand.integrate(state.q, step[: self._n])
             jacobian, innovation = self._linearise(moved, observed, seen)
-        left, inverse = state.covariance[:, : self._n], solved[:-1]
-        covariance = state.covariance - left @ (inverse @ left.T)
         corrected = State(
             self._hand.integrate(state.q, step[: self._n]),
             state.velocity + step[self._n :],
-            (covariance + covariance.T) * 0.5,
+            _corrected(state.blocks, solved[:-1]),
         )
-        return Update(corrected, used, at_limit, inverse, solved[-1])
+        return Update(corrected, used, at_limit, solved[:-1], solved[-1])
+
+    def _angles(
+        self, state: State, readings: JointReadings
+    ) -> tuple[NDArray[np.int64], Floats, Floats] | None:
+        """Return degrees of freedom, precisions and innovations of the readings that pass the gate."""
+        dofs = readings.hinges + FREE
+        innovation = readings.angles - state.q[readings.hinges + SEVEN]
+        spread = state.position_covariance[dofs, dofs] + readings.variance
+        passing = innovation**2 <= self._angle_gate * spread
+        if not passing.any():
+            return None
+        return dofs[passing], 1 / readings.variance[passing], innovation[passing]
 
     def _linearise(self, q: Floats, observed: Floats, seen: Bools) -> tuple[Floats, Floats]:
         """Return the markers' Jacobian at a configuration, and how far they are from it (0 where unseen)."""
@@ -182,7 +230,7 @@ class HandFilter:
         if not doubtful.any():
             return seen
         rows = jacobian[doubtful]
-        spread = rows @ state.covariance[: self._n, : self._n] @ rows.transpose(0, 2, 1)
+        spread = rows @ state.position_covariance @ rows.transpose(0, 2, 1)
         spread[:, range(3), range(3)] += 1 / self._weight[doubtful, None]
         solved = np.linalg.solve(spread, innovation[doubtful, :, None])[..., 0]
         passing = seen.copy()
@@ -194,7 +242,7 @@ class HandFilter:
 
         Angles that leave their limits are measured to be there.
         """
-        left = state.covariance[: self._n, : self._n]
+        left = state.position_covariance
         solved = solve_measured(left, information, gradient)
         angles = state.q[SEVEN:] + left[FREE:] @ solved[-1]
         beyond = (angles < self._limits[:, 0]) | (angles > self._limits[:, 1])
@@ -230,3 +278,19 @@ def solve_measured(covariance: Floats, information: Floats, gradient: Floats) ->
     right[:n], right[n] = information, gradient
     _, _, solved, _ = dgesv(matrix.T, right.T, overwrite_a=True, overwrite_b=True)
     return np.asarray(solved.T)
+
+
+def _corrected(blocks: Blocks, inverse: Floats) -> Blocks:
+    """Return P - P H^T S^-1 H P, with J^T S^-1 J = `inverse`."""
+    left = left_half(blocks)
+    gained = left @ inverse
+    corrected = np.empty_like(blocks)
+    np.matmul(gained, -blocks[2], out=left_half(corrected))
+    corrected[2:] += blocks[2:]
+    n = len(inverse)
+    np.subtract(blocks[1], gained[n:] @ blocks[0], out=corrected[1])
+    for diagonal in corrected[1:3]:
+        diagonal += diagonal.T.copy()
+        diagonal *= 0.5
+    corrected[0] = corrected[3].T
+    return corrected

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.parameters import GloveParameters
+from graspdb_ingest.tracking.filter import JointReadings
 
 MINIMUM_FRAMES: Final = 20
 """Frames that must show a joint before its sensor's offset and noise are estimated."""
@@ -41,6 +42,13 @@ class GloveMeasurement:
     hinges: NDArray[np.int64]
     angles: Floats
     variance: Floats
+
+    def frame(self, frame: int) -> JointReadings | None:
+        """Return what was measured in a frame, None where nothing was."""
+        given = np.isfinite(self.angles[frame])
+        if not given.any():
+            return None
+        return JointReadings(self.hinges[given], self.angles[frame, given], self.variance[given])
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import MotionModel
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, right_half
 
 BLOCK: Final = 256
 """Frames that are smoothed before anything is done with them."""
@@ -64,8 +64,8 @@ class ForwardPass:
 
     def append(self, predicted: State, update: Update) -> None:
         """Take the next frame."""
-        i, n = self._length, self._weighted.shape[1]
-        self._columns[i] = predicted.covariance[:, :n]
+        i = self._length
+        self._columns[i] = left_half(predicted.blocks)
         self._inverse[i] = update.inverse
         self._weighted[i] = update.weighted
         self._length += 1
@@ -73,6 +73,37 @@ class ForwardPass:
     def clear(self) -> None:
         """Forget all frames."""
         self._length = 0
+
+    def backward(self, motion: MotionModel) -> Iterator[tuple[int, Floats, Blocks]]:
+        """Yield frame, adjoint vector and adjoint matrix, from the last frame to the first.
+
+        They belong to the frame's prediction with mean x and covariance P: the smoothed state is
+        x - P a and its covariance P - P X P. The log likelihood of all that is measured from this
+        frame on has the derivatives -a by x and (a a^T - X) / 2 by P.
+
+        Parameters
+        ----------
+        motion : MotionModel
+            The step between frames that the forward pass predicted with.
+        """
+        n = self._weighted.shape[1]
+        adjoint: Floats = np.zeros(2 * n)
+        matrix: Blocks = np.zeros((4, n, n))
+        for i in reversed(range(self._length)):
+            if i < self._length - 1:
+                adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
+                matrix[1] = (matrix[1] + matrix[1].T) * 0.5
+            inverse = self._inverse[i].astype(float, copy=False)
+            # Through the measurement: its I - K H leaves velocities alone.
+            through = self._columns[i] @ -inverse
+            through.reshape(-1)[: n * n : n + 1] += 1
+            reduced = _times(matrix, through)
+            corner = through.T @ reduced + inverse
+            matrix[2] = (corner + corner.T) * 0.5
+            matrix[3] = reduced[n:]
+            matrix[0] = reduced[n:].T
+            adjoint[:n] = adjoint @ through - self._weighted[i]
+            yield i, adjoint, matrix
 
     def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
         """Yield the smoothed frames, block by block, the last block first.
@@ -83,26 +114,21 @@ class ForwardPass:
             The step between frames that the forward pass predicted with.
         """
         n = self._weighted.shape[1]
-        adjoint: Floats = np.zeros(2 * n)
-        matrix: Floats = np.zeros((2 * n, 2 * n))
-        for stop in range(self._length, 0, -BLOCK):
-            frames = slice(max(0, stop - BLOCK), stop)
-            columns = self._columns[frames].astype(float)
-            inverse = self._inverse[frames].astype(float)
-            steps, covariances = np.empty((len(columns), n)), np.empty(inverse.shape)
-            for i in reversed(range(len(columns))):
-                left = columns[i]
-                # Through the measurement: its I - K H leaves velocities alone.
-                through = left @ -inverse[i]
-                through.reshape(-1)[: n * n : n + 1] += 1
-                reduced = matrix @ through
-                matrix[n:, :n], matrix[:n, n:] = reduced[n:], reduced[n:].T
-                matrix[:n, :n] = through.T @ reduced + inverse[i]
-                adjoint[:n] = adjoint @ through - self._weighted[frames.start + i]
-                steps[i] = -(adjoint @ left)
-                covariances[i] = left[:n] - left.T @ (matrix @ left)
-                # Back over the step between frames.
-                adjoint = motion.adjoint(adjoint)
-                matrix = motion.adjoint_matrix(matrix)
-                matrix = (matrix + matrix.T) * 0.5
-            yield Smoothed(frames, steps, covariances)
+        steps, covariances = np.empty((BLOCK, n)), np.empty((BLOCK, n, n))
+        stop = self._length
+        for i, adjoint, matrix in self.backward(motion):
+            left = self._columns[i].astype(float, copy=False)
+            place = i % BLOCK
+            steps[place] = -(adjoint @ left)
+            covariances[place] = left[:n] - left.T @ _times(matrix, left)
+            if place == 0:
+                yield Smoothed(slice(i, stop), steps[: stop - i].copy(), covariances[: stop - i].copy())
+                stop = i
+
+
+def _times(matrix: Blocks, columns: Floats) -> Floats:
+    """Return X C for columns C of shape (2 * n, n)."""
+    n = columns.shape[1]
+    product = left_half(matrix) @ columns[:n]
+    product += right_half(matrix) @ columns[n:]
+    return product

@@ -119,20 +119,32 @@ def test_transforms(engine: Engine, seed: int) -> None:
 @seeds
 def test_arrays_are_decoded_by_name(engine: Engine, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    q, sd, gap, sites = rng.normal(size=30), rng.normal(size=29), rng.normal(size=20), rng.normal(size=(20, 3))
+    q, sd, gap, sites = (
+        rng.normal(size=30),
+        rng.normal(size=29),
+        rng.normal(size=20),
+        rng.normal(size=(20, 3)),
+    )
     joint, site, digit = (str(rng.choice(names)) for names in (JOINT_ANGLES, SITES, DIGITS))
     assert ask(engine, "joint_angle($q, $name)", q=q, name=joint) == q[CONFIGURATION.index(joint)]
     assert ask(engine, "joint_angle_sd($sd, $name)", sd=sd, name=joint) == sd[DOFS.index(joint)]
     assert ask(engine, "joint_angles($q)", q=q) == q[7:].tolist()
     assert ask(engine, "site_gap($gap, $site)", gap=gap, site=site) == gap[SITES.index(site)]
-    assert ask(engine, "site_position($sites, $site)", sites=sites, site=site) == sites[SITES.index(site)].tolist()
+    assert (
+        ask(engine, "site_position($sites, $site)", sites=sites, site=site)
+        == sites[SITES.index(site)].tolist()
+    )
     of_digit = [gap[i] for i, name in enumerate(DIGIT_OF_SITE) if name == digit]
     assert ask(engine, "digit_gap($gap, $digit)", gap=gap, digit=digit) == min(of_digit)
 
 
 def test_names(engine: Engine) -> None:
-    rows = engine.sql("SELECT site, site_index(site), digit_of(site) FROM unnest(site_names()) t(site)").rows()
-    assert rows == [(site, i, digit) for i, (site, digit) in enumerate(zip(SITES, DIGIT_OF_SITE, strict=True), 1)]
+    rows = engine.sql(
+        "SELECT site, site_index(site), digit_of(site) FROM unnest(site_names()) t(site)"
+    ).rows()
+    assert rows == [
+        (site, i, digit) for i, (site, digit) in enumerate(zip(SITES, DIGIT_OF_SITE, strict=True), 1)
+    ]
     assert ask(engine, "[digit_index(d) for d in digit_names()]") == [1, 2, 3, 4, 5]
     assert ask(engine, "[joint_index(j) for j in joint_names()]") == list(range(1, 24))
     assert ask(engine, "digit_pattern(['thumb', 'ring'])") == "thumb+ring"
@@ -203,12 +215,20 @@ def test_what_is_incomplete_is_null(engine: Engine, expression: str) -> None:
     assert ask(engine, expression) is None
     # Beside complete rows too, which DuckDB works out at once.
     table = "(VALUES (1), (2), (3)) t(i)"
-    assert engine.sql(f"SELECT DISTINCT CASE WHEN i > 0 THEN {expression} END FROM {table}").rows() == [(None,)]
+    assert engine.sql(f"SELECT DISTINCT CASE WHEN i > 0 THEN {expression} END FROM {table}").rows() == [
+        (None,)
+    ]
 
 
 def test_missing_vectors_in_a_table_are_null(engine: Engine) -> None:
     values = "(VALUES ([1.0, 2, 3]), ([NULL, NULL, NULL]), (NULL), ([1.0, 2])) t(v)"
-    for call in ("norm(v)", "distance(v, v)", "dot_product(v, v)", "angle_between(v, v)", "cross_product(v, v)[1]"):
+    for call in (
+        "norm(v)",
+        "distance(v, v)",
+        "dot_product(v, v)",
+        "angle_between(v, v)",
+        "cross_product(v, v)[1]",
+    ):
         found = [row[0] for row in engine.sql(f"SELECT {call} FROM {values}").rows()]
         assert found[0] is not None
         assert found[1:] == [None] * 3
@@ -220,7 +240,10 @@ def test_missing_vectors_in_a_table_are_null(engine: Engine) -> None:
         ("site_index('indx_tip')", "no site is called indx_tip; there are thumb_cmc"),
         ("digit_of('indx_tip')", "no site is called indx_tip"),
         ("digit_gap([1.0], 'pinky')", "no digit is called pinky; there are thumb"),
-        ("joint_angle([1.0], 'index_flexion')", "no joint angle is called index_flexion; there are wrist_flexion"),
+        (
+            "joint_angle([1.0], 'index_flexion')",
+            "no joint angle is called index_flexion; there are wrist_flexion",
+        ),
     ],
 )
 def test_unknown_names_are_errors(engine: Engine, expression: str, said: str) -> None:
