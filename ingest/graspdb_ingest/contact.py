@@ -103,38 +103,6 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     return Gaps(gap=gap - radii, nearest=nearest)
 
 
-def no_gaps(centres: Floats) -> Gaps:
-    """Return the gaps where there is no object, for centres of shape (..., 20, 3)."""
-    shape = centres.shape[:-1]
-    return Gaps(gap=np.full(shape, np.nan), nearest=np.full(shape, NO_POINT, dtype=np.int64))
-
-
-def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
-    """Return the touching spheres of one frame: those whose gap is below h.
-
-    The paper's sentence under equation 3 says 'not in contact'; its next sentence and its figures
-    show that the touching ones are meant.
-
-    Parameters
-    ----------
-    gap, nearest : ndarray, shape (20,)
-        One frame of `Gaps`.
-    threshold : float
-        h of equation 3 [m].
-    cloud : ObjectCloud
-        The object's surface.
-    """
-    sites = np.flatnonzero(gap < threshold)
-    points = nearest[sites]
-    return Contacts(
-        sites=sites,
-        points=points,
-        positions=cloud.points[points],
-        normals=cloud.normals[points],
-        gap=gap[sites],
-    )
-
-
 def _nearest(centres: Floats, cloud: ObjectCloud) -> tuple[Floats, NDArray[np.int64]]:
     """Return distance and index of the nearest point of each centre, as a search over all points would."""
     proposed = _proposed(centres, cloud)
