@@ -15,6 +15,7 @@ from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
 from graspdb.commands.schema import schema
+from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb.commands.validate import validate
@@ -38,6 +39,7 @@ app.command()(info)
 app.command()(schema)
 app.command()(sql)
 app.command()(query)
+app.command()(similar)
 app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)

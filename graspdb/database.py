@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import pyarrow as pa
 
@@ -16,12 +16,18 @@ from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.quoting import identifier
 from graspdb_queries.result import Result
+from graspdb_queries.similar.answer import Similar
+from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
 
 EXPORTS: Final = ("duckdb",)
 """Forms that a database can be written in."""
+
+
+if TYPE_CHECKING:
+    from graspdb_queries.similar.search import Search
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,7 @@ class Database:
         if "_engine" in self.__dict__:
             self._engine.close()
             del self._engine
+            self.__dict__.pop("_search", None)
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -175,6 +182,60 @@ class Database:
             raise ParameterError("form", form, ", ".join(EXPORTS) + nearest(form, EXPORTS))
         write_duckdb(Path(out), self.snapshot.sources)
 
+    def similar(
+        self,
+        grasp: str | None = None,
+        /,
+        k: int = 10,
+        *,
+        by: str = "feature",
+        mode: str = "shape",
+        posture: str = "scaled",
+        where: str | None = None,
+        cloud: str | PathLike[str] | None = None,
+        scale: float = 1.0,
+    ) -> Similar:
+        """Return the grasps most like one of the database, or most like a part from outside.
+
+        Parameters
+        ----------
+        grasp : str
+            Key of a grasp; or None, and `cloud` instead.
+        k : int
+            How many, at most.
+        by : {'feature', 'posture', 'contact', 'all'}
+            What is compared: the graspable feature, the posture, which sites touch where, or all of it.
+        mode : {'shape', 'held'}
+            Features in any pose, or as they lie in the hand.
+        posture : {'scaled', 'metric', 'angles'}
+            Postures by their sites, with hands brought to one size or not, or by joint angles.
+        where : str, optional
+            A boolean SQL expression over the columns of `grasps`; only those for which it is true count.
+        cloud : path, optional
+            A file with a part of an object, as a cloud or a mesh.
+        scale : float
+            Factor from the numbers of that file to metres.
+
+        Raises
+        ------
+        QueryError
+            There is no such grasp, it lacks what is compared, or the filter cannot be used.
+        ObjectError
+            The file holds no part of an object.
+        ParameterError
+            An argument is none of those allowed.
+        """
+        if (grasp is None) == (cloud is None):
+            raise ParameterError("similar", "neither or both of a grasp and a cloud", "one of them")
+        if not (isinstance(k, int) and 1 <= k <= _MOST_HITS):
+            raise ParameterError("k", k, f"a whole number from 1 to {_MOST_HITS}")
+        respect = Respect(by, mode, posture)
+        if grasp is not None:
+            return self._search.similar(self._search.question(grasp), respect, k, where)
+        from graspdb.similar import part_question
+
+        return self._search.similar(part_question(Path(str(cloud)), scale), respect, k, where)
+
     def info(self) -> Info:
         """Return what the database holds."""
         counts = " UNION ALL ".join(f"SELECT '{name}' AS name, count(*) AS n FROM {name}" for name in TABLES)
@@ -192,6 +253,14 @@ class Database:
     def _engine(self) -> Engine:
         return Engine(self.snapshot.sources)
 
+    @cached_property
+    def _search(self) -> "Search":
+        from graspdb_queries.similar.search import Search
+
+        return Search(self._engine)
+
+
+_MOST_HITS = 1000
 
 _SEVERAL_VERSIONS = """
     SELECT 'subject ' || session || '/' || subject FROM subjects GROUP BY session, subject HAVING count(*) > 1

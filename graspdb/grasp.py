@@ -46,7 +46,7 @@ class Grasp:
         Indices of the object's points in the enclosing space: the graspable feature.
     feature_cloud, feature_normals : ndarray, shape (k, 3)
         Their positions [m] and outward normals.
-    descriptor : ndarray, shape (66,)
+    descriptor : ndarray, shape (428,)
         Descriptor of the feature.
     quality : mapping of str to float
         Grasp quality indices by name.

@@ -161,7 +161,8 @@ def _grasp_tables(common: Mapping[str, Any], grasp: str, sites: Sequence[str]) -
         "hull_vertices": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         "hull_faces": [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
         "centroid": [0.25, 0.25, 0.25],
-        "descriptor": [0.5] * 66,
+        "descriptor": [0.5] * 428,
+        "descriptor_kind": "1",
     }
     return {
         "grasps": rows("grasps", described),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.descriptor import LENGTH, describe
 from graspdb_ingest.enclosure import EnclosingSpace
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.cloud import ObjectCloud
@@ -24,8 +25,8 @@ class GraspableFeature:
         Area-weighted centre, object frame [m]; NaN for an empty feature.
     extents : ndarray, shape (3,)
         Size along its principal axes, largest first [m]; zero for fewer than two points.
-    descriptor : ndarray of float32, shape (66,)
-        Area-weighted mean, then standard deviation, of the points' FPFH; NaN for an empty feature.
+    descriptor : ndarray of float32, shape (428,)
+        What `describe` makes of it; NaN for an empty feature.
     """
 
     points: NDArray[np.int64]
@@ -52,18 +53,16 @@ def graspable_feature(
     points = np.flatnonzero(space.contains(cloud.points))
     if not len(points):
         nowhere = np.full(3, np.nan)
-        return GraspableFeature(points, 0.0, nowhere, np.zeros(3), np.full(66, np.nan, dtype=np.float32))
+        return GraspableFeature(points, 0.0, nowhere, np.zeros(3), np.full(LENGTH, np.nan, np.float32))
     positions, areas = cloud.points[points], cloud.areas[points]
     weights = areas / areas.sum()
     centroid = weights @ positions
-    mean = weights @ histograms[points].astype(np.float64)
-    deviation = np.sqrt(weights @ (histograms[points] - mean) ** 2)
     return GraspableFeature(
         points=points,
         area=float(areas.sum()),
         centroid=centroid,
         extents=_principal_extents(positions - centroid, weights),
-        descriptor=np.concatenate([mean, deviation]).astype(np.float32),
+        descriptor=describe(positions, cloud.normals[points], histograms[points], areas),
     )
 
 

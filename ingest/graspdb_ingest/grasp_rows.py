@@ -148,7 +148,7 @@ def grasp_rows(
     }
     rows = [common | _grasp_row(g, tracked.hands[g.side], followed, times, parameters) for g in grasps]
     contacts = [row for grasp in grasps for row in contact_rows(key, grasp)]
-    features = [feature_row(session.id, key, name, grasp) for grasp in grasps]
+    features = [feature_row(session.id, key, followed.prepared, grasp) for grasp in grasps]
     return {
         "grasps": pa.Table.from_pylist(rows, schema=rows_schema("grasps")),
         "contacts": pa.Table.from_pylist(contacts, schema=rows_schema("contacts")),
@@ -245,7 +245,7 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
     ]
 
 
-def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, object]:
+def feature_row(session: str, trial: str, prepared: PreparedObject, grasp: Grasp) -> dict[str, object]:
     """Return the row of `features`."""
     feature, shape, space = grasp.feature, grasp.shape, grasp.space
     empty = not len(feature.points)
@@ -253,7 +253,7 @@ def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, 
         "grasp": grasp.key,
         "trial": trial,
         "session": session,
-        "object": name,
+        "object": prepared.name,
         "points": feature.points.tolist(),
         "hull_vertices": space.vertices.tolist(),
         "hull_faces": space.faces.tolist(),
@@ -267,4 +267,5 @@ def feature_row(session: str, trial: str, name: str, grasp: Grasp) -> dict[str, 
         "hand_side": shape.hand_side,
         "hand_sides": list(shape.hand_sides.items()),
         "descriptor": None if empty else feature.descriptor.tolist(),
+        "descriptor_kind": None if empty else prepared.descriptor_kind,
     }

@@ -75,7 +75,7 @@ def keypoint_rows(
         "frames": [_frame(described, posed)],
         "grasps": [common | _grasp_columns(described, grasp, posed, parameters)],
         "contacts": contact_rows(trial, grasp),
-        "features": [feature_row(described.session, trial, name, grasp)],
+        "features": [feature_row(described.session, trial, prepared, grasp)],
         "contact_maps": [map_row(described.session, trial, prepared, posed, grasp.key, parameters.contact)],
     }
     return TrialTables(

@@ -12,6 +12,9 @@ class CloudParameters:
     ----------
     spacing : float
         Distance between neighbouring points [m].
+    smoothing_radius : float
+        Radius within which the surface is smoothed before its points are described [m]; contact and hull
+        see the cloud as it is.
     fpfh_radius : float
         Radius of the fast point feature histograms [m]; never scaled with the object.
     seed : int
@@ -19,7 +22,8 @@ class CloudParameters:
     """
 
     spacing: float = 0.002
-    fpfh_radius: float = 0.015
+    smoothing_radius: float = 0.008
+    fpfh_radius: float = 0.020
     seed: int = 0
 
 

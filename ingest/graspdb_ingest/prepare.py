@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from graspdb_ingest.descriptor import descriptor_kind
 from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.model import Bools, Floats
@@ -17,7 +18,7 @@ from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.curvature import principal_curvatures
 from graspdb_ingest.objects.distance import ObjectDistance
-from graspdb_ingest.objects.fpfh import fpfh
+from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.objects.solid import Solid
@@ -52,6 +53,8 @@ class PreparedObject:
         How far it is: exact to the mesh, where there is one.
     histograms : ndarray of float32, shape (n_points, 33)
         FPFH of every point.
+    descriptor_kind : str
+        Kind of the descriptors that are made of them.
     marker_labels : tuple of str
         Its markers.
     marker_positions : ndarray, shape (n_markers, 3)
@@ -71,6 +74,7 @@ class PreparedObject:
     cloud: ObjectCloud
     distance: ObjectDistance
     histograms: NDArray[np.float32]
+    descriptor_kind: str
     marker_labels: tuple[str, ...]
     marker_positions: Floats
     mechanics: Mechanics
@@ -123,7 +127,8 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         surface=surface,
         cloud=cloud,
         distance=ObjectDistance(surface, cloud),
-        histograms=fpfh(cloud, parameters.cloud.fpfh_radius),
+        histograms=point_histograms(cloud, parameters.cloud),
+        descriptor_kind=descriptor_kind(parameters.cloud),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
         mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),

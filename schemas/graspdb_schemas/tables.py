@@ -120,7 +120,7 @@ OBJECT_POINTS: Final = pa.schema(
         _column("position", VECTOR32, "position in the object frame (3)", "m"),
         _column("normal", VECTOR32, "outward unit normal in the object frame (3)"),
         _column("area", pa.float32(), "surface area that the point stands for", "m2"),
-        _column("fpfh", VECTOR32, "fast point feature histogram (33)"),
+        _column("fpfh", VECTOR32, "fast point feature histogram, on the smoothed surface (33)"),
         _column(
             "curvatures",
             VECTOR32,
@@ -316,7 +316,12 @@ FEATURES: Final = pa.schema(
         _column("centroid", VECTOR, "area-weighted centre of the feature, object frame (3)", "m"),
         _column("extents", VECTOR, "size along the feature's principal axes, largest first (3)", "m"),
         _column("area", pa.float64(), "surface area of the feature", "m2"),
-        _column("descriptor", VECTOR32, "mean, then standard deviation, of the points' FPFH (66)"),
+        _column(
+            "descriptor",
+            VECTOR32,
+            "mean Fourier features of the points' FPFH (128), then root shares of point pairs (300)",
+        ),
+        _column("descriptor_kind", pa.string(), "what decides it; only those of one kind compare"),
         _column("patches", INDICES, "connected piece of each of the points, from 0, the largest"),
         _column("patch_areas", VECTOR, "area of each connected piece, largest first", "m2"),
         _column("curvature_class", pa.string(), "handle, edge, flat or rounded; null for an empty feature"),

@@ -50,7 +50,7 @@ def test_a_grasp_with_its_arrays(database: graspdb.Database) -> None:
     np.testing.assert_array_equal(grasp.sites[:, 0], 0.01 * np.arange(20))
     assert grasp.hull_vertices.shape == (4, 3)
     assert grasp.hull_faces.max() == 3
-    assert grasp.descriptor.shape == (66,)
+    assert grasp.descriptor.shape == (428,)
     assert grasp.quality == {"epsilon": 0.1}
     assert grasp.snapshot_time == 0.02
 

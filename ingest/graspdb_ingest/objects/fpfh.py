@@ -5,7 +5,19 @@ from numpy.typing import NDArray
 
 from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_ingest.objects.open3d_library import load_open3d
+from graspdb_ingest.objects.smooth import smoothed
+from graspdb_ingest.parameters import CloudParameters
 from graspdb_schemas.errors import ParameterError
+
+
+def point_histograms(cloud: ObjectCloud, parameters: CloudParameters) -> NDArray[np.float32]:
+    """Return the FPFH of a cloud's points on the smoothed surface, shape (n, 33); see `fpfh`.
+
+    Histograms of a cloud with noise differ little from those of the surface only once the noise is smoothed
+    away, and those of a clean cloud must then be of a smoothed one, too.
+    """
+    points, normals = smoothed(cloud.points, cloud.normals, parameters.smoothing_radius)
+    return fpfh(ObjectCloud(points, normals, cloud.areas, cloud.spacing), parameters.fpfh_radius)
 
 
 def fpfh(cloud: ObjectCloud, radius: float) -> NDArray[np.float32]:

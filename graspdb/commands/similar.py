@@ -1,0 +1,111 @@
+"""``graspdb similar``: grasps like this one."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from graspdb.commands.options import DEFAULT_DB, Db, Json
+
+if TYPE_CHECKING:
+    from graspdb_queries.similar.answer import Similar
+
+
+class By(StrEnum):
+    """What is compared."""
+
+    FEATURE = "feature"
+    POSTURE = "posture"
+    CONTACT = "contact"
+    ALL = "all"
+
+
+class Mode(StrEnum):
+    """How features are laid over each other."""
+
+    SHAPE = "shape"
+    HELD = "held"
+
+
+class Posture(StrEnum):
+    """How postures are compared."""
+
+    SCALED = "scaled"
+    METRIC = "metric"
+    ANGLES = "angles"
+
+
+class Units(StrEnum):
+    """Units of lengths in a file."""
+
+    MM = "mm"
+    CM = "cm"
+    DM = "dm"
+    M = "m"
+
+
+def similar(
+    grasp: Annotated[
+        str | None, typer.Argument(metavar="[GRASP]", help="Key of a grasp of the database.")
+    ] = None,
+    k: Annotated[int, typer.Option("-k", min=1, max=1000, help="How many to find.")] = 10,
+    by: Annotated[By, typer.Option(help="What is compared.")] = By.FEATURE,
+    mode: Annotated[
+        Mode, typer.Option(help="Features in any pose (shape), or as they lie in the hand (held).")
+    ] = Mode.SHAPE,
+    posture: Annotated[
+        Posture,
+        typer.Option(help="Postures by joints of hands brought to one size, as they are, or by angles."),
+    ] = Posture.SCALED,
+    where: Annotated[
+        str | None,
+        typer.Option(metavar="SQL", help="Only grasps for which this is true: \"object <> 'mug'\"."),
+    ] = None,
+    cloud: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A part of an object, cloud or mesh, instead of a grasp."),
+    ] = None,
+    units: Annotated[Units, typer.Option(help="Unit of the lengths in FILE.")] = Units.M,
+    db: Db = DEFAULT_DB,
+    as_json: Json = False,
+) -> None:
+    """Find grasps like one of the database, or grasps of parts like one from a file.
+
+    Near grasps are found by the descriptors of their features (--by feature, contact or all) or by their
+    postures; the hundred nearest are then aligned and compared closely. The cost of a hit is the sum of
+    its parts, each a distance over the distance that costs one, times a weight; zero is the query itself.
+    """
+    if (grasp is None) == (cloud is None):
+        raise typer.BadParameter("give a GRASP or --cloud FILE, and not both", param_hint="GRASP")
+    from graspdb.database import Database
+    from graspdb_schemas.units import METRES_PER
+
+    with Database(db) as database:
+        found = database.similar(
+            grasp,
+            k,
+            by=by.value,
+            mode=mode.value,
+            posture=posture.value,
+            where=where,
+            cloud=cloud,
+            scale=METRES_PER[units.value],
+        )
+    if as_json:
+        import json
+
+        typer.echo(json.dumps(found.as_json(), allow_nan=False))
+        return
+    _show(found)
+
+
+def _show(found: "Similar") -> None:
+    """Print the hits, then what the search was."""
+    from graspdb.output import write_rows
+
+    write_rows(found.table().table.to_reader(), "table", None)
+    if found.hits:
+        typer.echo(f"best: {found.hits[0].explain()}")
+    left = f", {found.left_out} could not be compared" if found.left_out else ""
+    typer.echo(f"{found.searched} grasps searched{left}")

@@ -1,0 +1,84 @@
+"""Parts and objects from outside, described as those of a database are."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from graspdb_ingest.descriptor import describe, descriptor_kind
+from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
+from graspdb_ingest.objects.fpfh import point_histograms
+from graspdb_ingest.objects.mesh import load_surface
+from graspdb_ingest.parameters import CloudParameters
+from graspdb_queries.similar.metric import Vectors
+from graspdb_queries.similar.part import Part
+from graspdb_queries.similar.question import Question
+from graspdb_schemas.errors import ObjectError
+
+LEAST_POINTS: Final = 10
+"""Fewer points than this, at the spacing of clouds, are no surface to describe."""
+
+LARGEST_PART: Final = 0.5
+"""Largest extent of what a hand encloses [m]."""
+
+
+def part_question(path: Path, scale: float, parameters: CloudParameters | None = None) -> Question:
+    """Return a part of an object, read from a file, as a question.
+
+    A cloud without normals is described with either side out, and the nearer counts.
+
+    Parameters
+    ----------
+    path : Path
+        A cloud (PLY, PCD) or a mesh (STL, OBJ, PLY, GLB, OFF) of the part alone.
+    scale : float
+        Factor from the file's numbers to metres.
+    parameters : CloudParameters, optional
+        Spacing and radii; the defaults of ingest unless given.
+
+    Raises
+    ------
+    ObjectError
+        If the file cannot be read, holds too few points, or its size says that the unit is wrong.
+    """
+    parameters = parameters or CloudParameters()
+    surface = load_surface(path, scale)
+    largest = float(surface.extents.max())
+    if largest > LARGEST_PART:
+        raise ObjectError(
+            path,
+            f"its largest extent is {largest:.4g} m; a hand encloses at most {LARGEST_PART:g} m",
+            "Check --units, or cut out the part that is meant.",
+        )
+    cloud = sample_cloud(surface, parameters)
+    if len(cloud.points) < LEAST_POINTS:
+        raise ObjectError(
+            path,
+            f"{len(cloud.points)} points remain at {1e3 * parameters.spacing:g} mm from each other",
+            f"At least {LEAST_POINTS} are needed to describe a surface; check --units.",
+        )
+    clouds = [cloud]
+    if surface.faces is None and surface.normals is None:
+        clouds.append(_turned(cloud))
+    described = [_described(one, parameters) for one in clouds]
+    return Question(
+        name=str(path),
+        kind=descriptor_kind(parameters),
+        descriptors=np.stack([descriptor for _, descriptor in described]),
+        part=Part(str(path), cloud.points, cloud.normals, described[0][0], np.full((4, 4), np.nan)),
+        hand=None,
+        side=None,
+        contacts=np.empty((0, 3)),
+        inside=False,
+    )
+
+
+def _described(cloud: ObjectCloud, parameters: CloudParameters) -> tuple[Vectors, Vectors]:
+    """Return histograms and descriptor of a cloud."""
+    histograms = point_histograms(cloud, parameters)
+    return histograms, describe(cloud.points, cloud.normals, histograms, cloud.areas)
+
+
+def _turned(cloud: ObjectCloud) -> ObjectCloud:
+    """Return a cloud with its normals the other way round."""
+    return ObjectCloud(cloud.points, -cloud.normals, cloud.areas, cloud.spacing)

@@ -1,0 +1,109 @@
+"""Descriptor of a graspable feature: what its surface is like, point by point and as a whole.
+
+Two parts, neither of which depends on a pose or on other features, so that a database can grow for ever
+without a codebook that ages:
+
+- the mean of random Fourier features of the points' FPFH. With as many of them as we like this is the mean
+  map of the distribution of histograms under a Gaussian kernel (Rahimi and Recht 2007, NIPS; Smola et al.
+  2007, ALT), which tells distributions apart that mean and deviation do not. The frequencies are a
+  low-discrepancy sequence, the same everywhere.
+- the distribution of pairs of points over distance, angle of the normals, and bend (after point pair
+  features; Wahl et al. 2003, 3DIM). Distances are in metres, so size counts.
+"""
+
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, qmc
+
+from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.parameters import CloudParameters
+
+N_FOURIER: Final = 128
+PAIR_BINS: Final = (12, 5, 5)
+LENGTH: Final = N_FOURIER + int(np.prod(PAIR_BINS))
+
+BANDWIDTH: Final = 0.17
+"""Width of the kernel on square roots of histograms, whose distances reach from zero to the root of two."""
+
+PAIRED_POINTS: Final = 256
+PAIR_DISTANCES: Final = (0.002, 0.14)
+"""Distances from the spacing of a cloud to the span of a hand [m]; their roots are divided evenly."""
+
+VERSION: Final = 1
+"""Raised when the same feature gets other numbers."""
+
+
+def descriptor_kind(parameters: CloudParameters) -> str:
+    """Return a text that is the same for descriptors that can be compared."""
+    lengths = (parameters.spacing, parameters.smoothing_radius, parameters.fpfh_radius)
+    return f"{VERSION}; {' '.join(f'{1e3 * length:g}' for length in lengths)} mm"
+
+
+def describe(
+    points: Floats, normals: Floats, histograms: NDArray[np.float32], areas: Floats
+) -> NDArray[np.float32]:
+    """Return the descriptor of a part of a surface, float32, shape (428,).
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (n, 3)
+        Positions [m] and outward unit normals, at least one.
+    histograms : ndarray, shape (n, 33)
+        FPFH of the points.
+    areas : ndarray, shape (n,)
+        Area that each point stands for.
+    """
+    local = _local(histograms, areas)
+    return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)
+
+
+def _local(histograms: NDArray[np.float32], areas: Floats) -> Floats:
+    """Return the mean Fourier features of histograms, shape (128,)."""
+    total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
+    roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
+    # Sobol's sequence comes in powers of two; its first point, zero, is no frequency.
+    even = qmc.Sobol(roots.shape[1] + 1, scramble=False).random(2 * N_FOURIER)[1 : N_FOURIER + 1]
+    frequencies, phases = norm.ppf(even[:, :-1]).T / BANDWIDTH, 2 * np.pi * even[:, -1]
+    features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
+    return np.asarray(areas @ features / areas.sum())
+
+
+def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:
+    """Return the square roots of the shares of pairs in each cell, shape (300,)."""
+    n = len(points)
+    chosen = np.unique(np.linspace(0, n - 1, min(n, PAIRED_POINTS)).round().astype(np.int64))
+    first, second = np.triu_indices(len(chosen), 1)
+    if not len(first):
+        return np.zeros(int(np.prod(PAIR_BINS)))
+    points, normals, areas = points[chosen], normals[chosen], areas[chosen]
+    arms = points[second] - points[first]
+    distances = np.linalg.norm(arms, axis=1)
+    arms /= np.maximum(distances, 1e-12)[:, None]
+    cosines = np.einsum("ni,ni->n", normals[first], normals[second])
+    bends = np.einsum("ni,ni->n", normals[second] - normals[first], arms)
+    ranges = (tuple(np.sqrt(PAIR_DISTANCES)), (-1.0, 1.0), (-2.0, 2.0))
+    shares = areas[first] * areas[second]
+    cells = _soft_histogram((np.sqrt(distances), cosines, bends), ranges, shares)
+    return np.asarray(np.sqrt(cells / cells.sum()))
+
+
+def _soft_histogram(
+    values: tuple[Floats, Floats, Floats], ranges: tuple[tuple[float, ...], ...], weights: Floats
+) -> Floats:
+    """Return a histogram whose entries are shared among neighbouring cells, by distance, flat."""
+    lower, beyond = [], []
+    for value, (low, high), bins in zip(values, ranges, PAIR_BINS, strict=True):
+        place = np.clip((value - low) / (high - low) * (bins - 1), 0, bins - 1)
+        lower.append(np.minimum(place.astype(np.int64), bins - 2))
+        beyond.append(place - lower[-1])
+    cells = np.zeros(int(np.prod(PAIR_BINS)))
+    for corner in product((0, 1), repeat=3):
+        share = weights.copy()
+        for step, part in zip(corner, beyond, strict=True):
+            share *= part if step else 1 - part
+        where = np.ravel_multi_index([low + step for low, step in zip(lower, corner, strict=True)], PAIR_BINS)
+        cells += np.bincount(where, share, minlength=len(cells))
+    return cells

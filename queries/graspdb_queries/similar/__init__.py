@@ -1,0 +1,1 @@
+"""Similarity of grasps: by graspable feature, posture and contact."""
