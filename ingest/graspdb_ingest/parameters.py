@@ -2,6 +2,12 @@
 
 import json
 from dataclasses import asdict, dataclass, field
+from typing import Final
+
+from graspdb_schemas.errors import ParameterError, nearest
+
+HAND_SURFACES: Final = ("spheres", "capsules", "skin")
+"""Surfaces of a hand, each inside the next."""
 
 
 @dataclass(frozen=True)
@@ -150,12 +156,22 @@ class ContactParameters:
         Surface of the hand whose gaps are taken: ``spheres``, ``capsules`` or ``skin``.
     map_reach : float
         Object points up to this far from the hand's surface are in the contact map [m].
+
+    Raises
+    ------
+    ParameterError
+        If there is no such surface.
     """
 
     threshold: float = 0.004
     sphere_vertices: int = 64
     surface: str = "spheres"
     map_reach: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.surface not in HAND_SURFACES:
+            hint = nearest(self.surface, HAND_SURFACES)
+            raise ParameterError("contact.surface", self.surface, f"one of {', '.join(HAND_SURFACES)}{hint}")
 
 
 @dataclass(frozen=True)
