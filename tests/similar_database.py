@@ -41,7 +41,7 @@ def build(folder: Path) -> Path:
     store = Store.create_or_open(folder)
     store.commit_session(_shared(clouds, histograms))
     trials = []
-    hand = rng.uniform(-0.05, 0.05, (len(SITES), 3)) + [0.1, 0, 0]
+    hand = rng.uniform((0.05, -0.05, -0.05), (0.15, 0.05, 0.05), (len(SITES), 3))
     for i in range(N_GRASPS):
         name = ("flat", "round")[i % 2]
         cloud = clouds[name]
