@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
-from graspdb_queries.similar import verdict
+from graspdb_queries.similar import threads as pool
 from graspdb_queries.similar.align import align, held_poses
 from graspdb_queries.similar.chamfer import chamfer
 from graspdb_queries.similar.part import Part
@@ -87,7 +87,7 @@ def test_groups_and_threads_do_not_matter(monkeypatch):
     others = [moved(bent_strip(i, 500 + i), Rotation.identity(), np.zeros(3), str(i)) for i in range(45)]
     answers = []
     for threads in (1, 4):
-        monkeypatch.setattr(verdict.os, "cpu_count", lambda threads=threads: threads)
+        monkeypatch.setattr(pool.os, "cpu_count", lambda threads=threads: threads)
         answers.append(lay(part, others, "shape"))
     assert answers[0].keys() == answers[1].keys()
     for name, laid in answers[0].items():

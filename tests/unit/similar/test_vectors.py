@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from graspdb_queries.similar import vectors as module
+from graspdb_queries.similar import threads as pool
 from graspdb_queries.similar.vectors import VectorIndex, exact_squared
 
 
@@ -51,7 +51,7 @@ def test_number_of_threads_does_not_matter(vectors, monkeypatch):
     query = np.random.default_rng(3).normal(size=24).astype(np.float32)
     answers = []
     for threads in (1, 2, 7):
-        monkeypatch.setattr(module.os, "cpu_count", lambda threads=threads: threads)
+        monkeypatch.setattr(pool.os, "cpu_count", lambda threads=threads: threads)
         answers.append(VectorIndex(vectors).nearest(query, 50))
     assert all(np.array_equal(rows, answers[0][0]) for rows, _ in answers)
     assert all(np.array_equal(squared, answers[0][1]) for _, squared in answers)
