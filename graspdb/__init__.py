@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from graspdb.grasp import Grasp as Grasp
     from graspdb.ingestion import IngestReport as IngestReport
     from graspdb.ingestion import ingest as ingest
+    from graspdb_ingest.live import HandEstimate as HandEstimate
+    from graspdb_ingest.live import HandTracker as HandTracker
     from graspdb_queries.result import Result as Result
     from graspdb_schemas.errors import GraspDBError as GraspDBError
 
@@ -26,6 +28,8 @@ _HOMES = {
     "Info": ("graspdb.database", "Info"),
     "Grasp": ("graspdb.grasp", "Grasp"),
     "Result": ("graspdb_queries.result", "Result"),
+    "HandEstimate": ("graspdb_ingest.live", "HandEstimate"),
+    "HandTracker": ("graspdb_ingest.live", "HandTracker"),
     "GraspDBError": ("graspdb_schemas.errors", "GraspDBError"),
 }
 """Public name -> module, and name in that module."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, TypeAlias
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from graspdb_queries.engine import Stream
 from graspdb_schemas.errors import GraspDBError
 
-Rows = Stream | pa.RecordBatchReader
+Rows: TypeAlias = Stream | pa.RecordBatchReader
 """Rows of an answer, batch by batch."""
 
 _TABLE_ROWS: Final = 200
@@ -62,7 +62,7 @@ def write_rows(rows: Rows, form: str, path: Path | None) -> None:
             return
         text = io.TextIOWrapper(file, encoding="utf-8", errors="surrogateescape", newline="")
         try:
-            {"table": _write_table, "csv": _write_csv, "json": _write_json}[form](rows, text)
+            {"table": write_table, "csv": _write_csv, "json": _write_json}[form](rows, text)
             text.flush()
         finally:
             text.detach()
@@ -115,11 +115,22 @@ def _write_json(rows: Rows, text: IO[str]) -> None:
     text.write("[]\n" if separator == "[\n" else "\n]\n")
 
 
-def _write_table(rows: Rows, text: IO[str]) -> None:
-    """Write columns side by side, the first rows of them."""
+def write_table(rows: Rows, text: IO[str], width: int = 0) -> None:
+    """Write columns side by side, the first rows of them.
+
+    Parameters
+    ----------
+    rows : Stream or pyarrow.RecordBatchReader
+        The answer.
+    text : text file
+        Where to.
+    width : int
+        Characters of a cell at most; 0 for what suits the terminal.
+    """
+    width = width or min(_CELL, shutil.get_terminal_size().columns)
     shown = list(islice(_rows(rows), _TABLE_ROWS + 1))
     more, shown = len(shown) > _TABLE_ROWS, shown[:_TABLE_ROWS]
-    cells = [[_short(value) for value in row] for row in shown]
+    cells = [[_short(value, width) for value in row] for row in shown]
     names = rows.schema.names
     widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(names)]
     right = [pa.types.is_integer(kind) or pa.types.is_floating(kind) for kind in rows.schema.types]
@@ -148,13 +159,12 @@ def _cell(value: Any) -> Any:
     return str(value).lower() if isinstance(value, bool) else value
 
 
-def _short(value: Any) -> str:
+def _short(value: Any, width: int) -> str:
     """Return a value on one line of a table, cut where it is long."""
     if isinstance(value, float):
         return f"{value:.6g}"
     text = "" if value is None else str(_cell(value))
     text = "".join(character if character.isprintable() else " " for character in text)
-    width = min(_CELL, shutil.get_terminal_size().columns)
     return text if len(text) <= width else text[: width - 3] + "..."
 
 

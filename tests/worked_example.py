@@ -59,7 +59,10 @@ GRASPS = (
         {"thumb": 0.3, "index": 0.4, "middle": 0.4, "ring": 0.4, "little": 0.5},
         None, 0.4, -0.1, 9e-5, trial={"residual_rms": 0.006},
     ),
-    Grasp("anna", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.3, "ring": 0.4}, [0, 1], 0.4, 0.0, 4e-5),
+    Grasp(
+        "anna", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.3, "ring": 0.4},
+        [0, 1], 0.4, 0.0, 4e-5,
+    ),
     Grasp(
         "ben", "jug", 1, {"thumb_tip": 0, "ring_tip": 3}, {"thumb": 0.4, "ring": 0.3},
         [0, 1], 0.4, 0.1, 6e-5, side="left",
@@ -103,6 +106,7 @@ def _trial(grasp: Grasp) -> TrialTables:
         "ellipsoid_volume": 3 * grasp.hull_volume,
         "sphere_volume": 4 * grasp.hull_volume,
         "feature_area": 4e-6 * len(grasp.feature or ()),
+        "force_closure": len(grasp.contacts) > 2,
         "quality": list(grasp.quality.items()),
     }
     contacts = [
@@ -117,8 +121,42 @@ def _trial(grasp: Grasp) -> TrialTables:
             "grasps": rows("grasps", described),
             "contacts": rows("contacts", *contacts),
             "features": rows("features", feature),
+            "contact_events": rows("contact_events", *_events(named["grasp"], key, grasp)),
+            "contact_maps": rows("contact_maps", _contact_map(named["grasp"], key, grasp)),
         }
     )
+
+
+def _events(name: str, trial: str, grasp: Grasp) -> list[dict[str, Any]]:
+    """Return a contact of every site since the onset of its digit; it holds when the trial ends."""
+    digits = dict(zip(SITES, DIGIT_OF_SITE, strict=True))
+    return [
+        {
+            "trial": trial,
+            "side": grasp.side,
+            "grasp": name,
+            "site": site,
+            "digit": digits[site],
+            "onset_time": grasp.onsets[digits[site]],
+            "first_time": grasp.onsets[digits[site]],
+            "last_time": TIMES[-1],
+            "before": "free",
+            "after": "trial",
+        }
+        for site in grasp.contacts
+    ]
+
+
+def _contact_map(name: str, trial: str, grasp: Grasp) -> dict[str, Any]:
+    """Return the map of a hand that is 1 mm above the points that it touches, and 5 mm above the others."""
+    return {
+        "grasp": name,
+        "trial": trial,
+        "session": "s",
+        "object": grasp.object,
+        "points": list(range(5)),
+        "gaps": [TOUCHING if point in grasp.contacts.values() else 0.005 for point in range(5)],
+    }
 
 
 def _frames(trial: str, grasp: Grasp) -> pa.Table:

@@ -20,7 +20,9 @@ def written_rows(trials: pa.Table, name: str) -> tuple[pa.Array, pa.Array]:
     """
     said = trials["table_rows"].combine_chunks()
     counts = pc.fill_null(pc.map_lookup(said, pa.scalar(name), "first"), 0)
-    return trials["ingest_id"].combine_chunks(), pc.if_else(said.is_valid(), counts, pa.scalar(None, pa.int32()))
+    return trials["ingest_id"].combine_chunks(), pc.if_else(
+        said.is_valid(), counts, pa.scalar(None, pa.int32())
+    )
 
 
 def free_of_dead_rows(
@@ -28,8 +30,8 @@ def free_of_dead_rows(
 ) -> NDArray[np.bool_]:
     """Tell in which files with rows of several ingests all rows count.
 
-    The rows of every committed ingest are there. So if the files whose ranges of ids overlap have, together, as
-    many rows as the committed ingests of that range wrote, they have no others.
+    The rows of every committed ingest are there. So if the files whose ranges of ids overlap have, together,
+    as many rows as the committed ingests of that range wrote, they have no others.
 
     Parameters
     ----------

@@ -2,8 +2,9 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -90,10 +91,11 @@ def take_snapshot(root: Path) -> Snapshot:
             break
         trials = latest
         patience.pause()
+    rows = cache(lambda: read_trials(trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
         versions={name: table.version() for name, table in tables.items()},
-        sources={name: _source(root, name, table, trials, ids.of(name)) for name, table in tables.items()},
+        sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
     )
 
 
@@ -174,17 +176,23 @@ def _column(actions: pa.Table, name: str) -> pa.Array:
     return actions[name].combine_chunks().cast(pa.string())
 
 
-def _source(root: Path, name: str, table: DeltaTable, trials: DeltaTable, committed: pa.Array) -> TableSource:
+def _source(
+    root: Path, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
+) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)
     if name == "trials":
         return TableSource(files=tuple(files.paths.to_pylist()))
     seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
-    files = TableFiles(*(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest)))
+    files = TableFiles(
+        *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
+    )
     whole = files.single
     if name in TRIAL_TABLES and pc.any(pc.invert(whole)).as_py():
-        ids, written = written_rows(read_trials(trials, ["ingest_id", "table_rows"]), name)
-        whole = pc.or_(whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written)))
+        ids, written = written_rows(table_rows(), name)
+        whole = pc.or_(
+            whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written))
+        )
     return TableSource(
         files=tuple(files.paths.filter(whole).to_pylist()),
         mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),

@@ -24,7 +24,7 @@ HANDLE_RADIUS: Final = 0.025
 SHARP_RADIUS: Final = 0.006
 """A bend narrower than the neighbourhood that curvature is taken from [m]."""
 HANDLE_TURN: Final = 0.67
-"""Length of the mean of a handle's unit normals: 0 all the way round, 0.64 half-way, 0.71 over a right angle."""
+"""Length of a handle's mean unit normal: 0 all round it, 0.64 half-way, 0.71 over a right angle."""
 SHARE: Final = 0.5
 EDGE_SHARE: Final = 0.1
 
@@ -64,6 +64,7 @@ class FeatureShape:
 def feature_shape(
     cloud: ObjectCloud,
     curvatures: Floats,
+    neighbours: NDArray[np.int64],
     points: NDArray[np.int64],
     object_from_hand: Floats,
     side: Side,
@@ -76,6 +77,8 @@ def feature_shape(
         The object's surface.
     curvatures : ndarray, shape (n_points, 2)
         Principal curvatures of its points [1/m].
+    neighbours : ndarray of int, shape (m, 2)
+        Its `surface_neighbours`.
     points : ndarray of int, shape (n,)
         The feature, as indices of the cloud.
     object_from_hand : ndarray, shape (3, 3)
@@ -86,12 +89,12 @@ def feature_shape(
     if not len(points):
         return FeatureShape(np.empty(0, dtype=np.int64), np.empty(0), None, {}, None, {})
     areas, normals = cloud.areas[points], cloud.normals[points]
-    patches = connected_patches(cloud.points[points], normals, areas, cloud.spacing)
+    patches = connected_patches(points, cloud.areas, neighbours)
     shares = curvature_shares(curvatures[points], areas)
     sides = facing_sides(normals, areas, object_from_hand, side)
     return FeatureShape(
         patches=patches,
-        patch_areas=np.bincount(patches, areas),
+        patch_areas=np.bincount(patches, areas).astype(np.float64),
         curvature_class=curvature_class(curvatures[points], normals, areas),
         curvature_shares=shares,
         hand_side=max(sides, key=lambda name: sides[name]) if sides else None,
@@ -99,12 +102,12 @@ def feature_shape(
     )
 
 
-def connected_patches(points: Floats, normals: Floats, areas: Floats, spacing: float) -> NDArray[np.int64]:
-    """Return the connected piece of the surface that each point belongs to, largest area first, shape (n,).
+def surface_neighbours(points: Floats, normals: Floats, spacing: float) -> NDArray[np.int64]:
+    """Return the pairs of points of a cloud that are neighbours on the surface, shape (m, 2).
 
     Neighbours are points within twice the spacing, which in an even cloud reaches all round a point. The
     two sides of a wall are no neighbours, however thin it is: their normals are opposed, or the step from
-    one to the other runs along both normals. Where they meet at a rim they are one piece.
+    one to the other runs along both normals. Where they meet at a rim they are connected.
     """
     pairs = cKDTree(points).query_pairs(2 * spacing, output_type="ndarray")
     first, second = normals[pairs[:, 0]], normals[pairs[:, 1]]
@@ -112,10 +115,30 @@ def connected_patches(points: Floats, normals: Floats, areas: Floats, spacing: f
     step /= np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     through = np.minimum(np.abs(np.sum(step * first, axis=1)), np.abs(np.sum(step * second, axis=1)))
     beside = (np.sum(first * second, axis=1) > -0.5) & (through < 0.8)
-    kept, n = pairs[beside], len(points)
+    return np.asarray(pairs[beside], dtype=np.int64)
+
+
+def connected_patches(
+    points: NDArray[np.int64], areas: Floats, neighbours: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the connected piece of the surface that each point belongs to, largest area first, shape (n,).
+
+    Parameters
+    ----------
+    points : ndarray of int, shape (n,)
+        Some points of a cloud.
+    areas : ndarray, shape (n_points,)
+        Areas of all its points [m2].
+    neighbours : ndarray of int, shape (m, 2)
+        Its `surface_neighbours`.
+    """
+    place = np.full(len(areas), -1)
+    place[points] = np.arange(len(points))
+    pairs = place[neighbours]
+    kept, n = pairs[(pairs >= 0).all(axis=1)], len(points)
     graph = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(n, n))
     labels = connected_components(graph, directed=False)[1]
-    order = np.argsort(-np.bincount(labels, areas), kind="stable")
+    order = np.argsort(-np.bincount(labels, areas[points]), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return np.asarray(rank[labels], dtype=np.int64)

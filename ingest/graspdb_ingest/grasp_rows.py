@@ -17,6 +17,7 @@ from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.solid import Inside
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.quality import GraspQuality, grasp_quality
@@ -50,6 +51,8 @@ class Grasp:
         The object's points in it.
     shape : FeatureShape
         The feature's pieces, how it bends and which side of the hand it faces.
+    inside : Inside or None
+        Volume and surface of the object in the enclosing space; None where its mesh bounds no body.
     quality : GraspQuality
         How well the contacts can hold the object.
     """
@@ -61,6 +64,7 @@ class Grasp:
     space: EnclosingSpace
     feature: GraspableFeature
     shape: FeatureShape
+    inside: Inside | None
     quality: GraspQuality
 
 
@@ -113,10 +117,13 @@ def enclose(
     centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
     space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
     feature = graspable_feature(prepared.cloud, prepared.histograms, space)
-    shape = feature_shape(prepared.cloud, prepared.curvatures, feature.points, rotation, side)
+    shape = feature_shape(
+        prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
+    )
+    inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, side, hold, contacts, space, feature, shape, quality)
+    return Grasp(key, side, hold, contacts, space, feature, shape, inside, quality)
 
 
 def grasp_rows(
@@ -199,6 +206,8 @@ def held_columns(grasp: Grasp, posed: PosedHand, parameters: ContactParameters) 
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
+        "object_volume_in_hull": None if grasp.inside is None else grasp.inside.volume,
+        "object_area_in_hull": None if grasp.inside is None else grasp.inside.area,
         "quality": list(grasp.quality.indices().items()),
         "force_closure": grasp.quality.force_closure,
     }

@@ -1,16 +1,18 @@
 """What is done once for a session, before its trials: clouds of objects, calibrated hands."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.descriptor import descriptor_kind
+from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand import HandModel
-from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
@@ -19,13 +21,20 @@ from graspdb_ingest.objects.distance import ObjectDistance
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
 from graspdb_ingest.objects.mesh import Surface, load_surface
+from graspdb_ingest.objects.solid import Solid
 from graspdb_ingest.parameters import IngestParameters, TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
+from graspdb_ingest.tracking.frame_choice import sample_frames
+from graspdb_ingest.tracking.motion import MotionNoise
+from graspdb_ingest.tracking.noise import WINDOWS, estimate_noise
+from graspdb_ingest.tracking.posture_learning import LearnedPrior, learn_prior
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
 from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
 from graspdb_schemas.vocabulary import Side
+
+NOTHING: Final[Mapping[str, Bools]] = {}
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,10 @@ class PreparedObject:
         Friction, center of mass and radius.
     curvatures : ndarray, shape (n_points, 2)
         Principal curvatures of the cloud's points [1/m].
+    neighbours : ndarray of int, shape (m, 2)
+        Pairs of the cloud's points that are neighbours on the surface.
+    solid : Solid
+        The body that its mesh bounds, if it is closed.
     """
 
     name: str
@@ -66,6 +79,8 @@ class PreparedObject:
     marker_positions: Floats
     mechanics: Mechanics
     curvatures: Floats
+    neighbours: NDArray[np.int64]
+    solid: Solid
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,10 @@ class PreparedHand:
         Markers whose offsets the manifest left to be found.
     calibration : Calibration
         How it was found, and how far its markers lie from it.
+    learned : LearnedPrior
+        What the prior stands on.
+    noise : MotionNoise
+        Scales of its movement and of its markers' noise.
     notes : tuple of str
         What to know of the hand's model.
     """
@@ -93,6 +112,8 @@ class PreparedHand:
     prior: PosturePrior
     calibrated_markers: tuple[str, ...]
     calibration: Calibration
+    learned: LearnedPrior
+    noise: MotionNoise
     notes: tuple[str, ...] = ()
 
 
@@ -112,6 +133,8 @@ def prepare_object(described: SessionObject, parameters: IngestParameters) -> Pr
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
         mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
         curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
+        neighbours=surface_neighbours(cloud.points, cloud.normals, cloud.spacing),
+        solid=Solid(surface),
     )
 
 
@@ -122,11 +145,29 @@ def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:
 
 
 def prepare_hand(
-    session: Session, subject: Subject, side: Side, parameters: TrackingParameters
+    session: Session,
+    subject: Subject,
+    side: Side,
+    parameters: TrackingParameters,
+    hidden: Mapping[str, Bools] = NOTHING,
 ) -> PreparedHand:
-    """Build a subject's hand and calibrate it from the recordings that the manifest names for it.
+    """Build a subject's hand, calibrate it and learn its postures from the recordings named for it.
 
-    A recording that cannot be read is left to its own trial to report.
+    A recording that cannot be read is left to its own trial to report. Recordings are read one
+    after the other, and an even sample of their frames is all that is kept of them.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    subject : Subject
+        The subject.
+    side : Side
+        Which hand.
+    parameters : TrackingParameters
+        Usual noise and time scale.
+    hidden : mapping of str to ndarray of bool, shape (n_frames, n_markers), optional
+        What to leave out of each trial, by its name; for validation.
 
     Raises
     ------
@@ -134,28 +175,64 @@ def prepare_hand(
         If no recording shows enough of the hand.
     """
     file = subject_hand(session, subject, side)
-    hand = file.hand
-    prior = default_prior(hand)
-    recordings = hand_recordings(session, subject, side)
+    default = default_prior(file.hand)
+    durations: list[float] = []
+
+    def markers() -> Iterator[Floats]:
+        for recording in hand_recordings(session, subject, side, hidden):
+            durations.append(len(recording.markers) / recording.rate)
+            yield recording.markers
+
+    sample = sample_frames(markers())
     with threadpool_limits(1):
-        calibration = calibrate_hand(hand, file.placements, recordings, prior, parameters.marker_sd)
+        calibration = calibrate_hand(file.hand, file.placements, [sample], default, parameters.marker_sd)
+        learned = learn_prior(
+            calibration.hand,
+            sample,
+            sum(durations),
+            default,
+            calibration.marker_sd,
+            parameters.posture_time,
+        )
+        some = _noise_recordings(session, subject, side, hidden)
+        noise = estimate_noise(calibration.hand, some, learned.prior, parameters)
     return PreparedHand(
         subject=subject.name,
         hand=calibration.hand,
-        prior=prior,
+        prior=learned.prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),
         calibration=calibration,
+        learned=learned,
+        noise=noise,
         notes=file.notes,
     )
 
 
-def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[Floats]:
-    """Read the recordings of a subject's hand one after the other, as they are asked for.
+@dataclass(frozen=True)
+class HandRecording:
+    """What a recording shows of one hand.
 
-    Yields
-    ------
-    ndarray, shape (n_frames, n_markers, 3)
+    Attributes
+    ----------
+    trial : str
+        Name of the trial; that of its file for a recording that is no trial.
+    rate : float
+        Frames per second [Hz].
+    markers : ndarray, shape (n_frames, n_markers, 3)
         The hand's markers [m].
+    """
+
+    trial: str
+    rate: float
+    markers: Floats
+
+
+def hand_recordings(
+    session: Session, subject: Subject, side: Side, hidden: Mapping[str, Bools] = NOTHING
+) -> Iterator[HandRecording]:
+    """Read the recordings that a hand is calibrated from one after the other, as they are asked for.
+
+    `hidden` says for a trial, by its name, which positions to leave out, shape (n_frames, n_markers).
 
     Raises
     ------
@@ -163,19 +240,49 @@ def hand_recordings(session: Session, subject: Subject, side: Side) -> Iterator[
         If none of them shows the hand.
     """
     found = False
-    for file in calibration_files(session, subject):
-        trial = SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)
-        own = next((t for t in session.trials if t.file == file), trial)
-        try:
-            recording = read_recording(file, session.file_scale)
-            markers = select_markers(recording, session, own).hands.get(side)
-        except GraspDBError:
-            continue
-        if markers is not None and np.isfinite(markers).any():
+    for trial in _calibration_trials(session, subject):
+        recording = _hand_recording(session, trial, side, hidden)
+        if recording is not None:
             found = True
-            yield markers
+            yield recording
     if not found:
         raise TrackingError(
             f"no recording of subject {subject.name} shows the {side} hand",
             "Check the trials' files and marker_names in session.yaml.",
         )
+
+
+def _hand_recording(
+    session: Session, trial: SessionTrial, side: Side, hidden: Mapping[str, Bools]
+) -> HandRecording | None:
+    """Read what a trial shows of a hand; None where it does not show it or cannot be read."""
+    try:
+        recording = read_recording(trial.file, session.file_scale)
+        markers = select_markers(recording, session, trial).hands.get(side)
+    except GraspDBError:
+        return None
+    if markers is None or not np.isfinite(markers).any():
+        return None
+    if trial.name in hidden:
+        markers = np.where(hidden[trial.name][..., None], np.nan, markers)
+    return HandRecording(trial.name, recording.rate, markers)
+
+
+def _noise_recordings(
+    session: Session, subject: Subject, side: Side, hidden: Mapping[str, Bools]
+) -> list[tuple[Floats, float]]:
+    """Return as many of the hand's recordings, with their rates, as the estimate of its noise looks at."""
+    trials = list(_calibration_trials(session, subject))
+    chosen = [trials[i] for i in np.unique(np.linspace(0, len(trials) - 1, WINDOWS).astype(int))]
+    found = (_hand_recording(session, trial, side, hidden) for trial in chosen)
+    return [(recording.markers, recording.rate) for recording in found if recording is not None]
+
+
+def _calibration_trials(session: Session, subject: Subject) -> Iterator[SessionTrial]:
+    """Yield the trials of `calibration_files`; a recording that is none of the session's becomes one."""
+    for file in dict.fromkeys(calibration_files(session, subject)):
+        own = [t for t in session.trials if t.file == file and t.subject == subject.name]
+        if own:
+            yield from own
+        else:
+            yield SessionTrial(name=file.stem, file=file, source_file=file.name, subject=subject.name)

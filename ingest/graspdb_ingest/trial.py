@@ -135,25 +135,26 @@ def track_trial(
         )
     tracked = {}
     for side, hand in hands.items():
-        track = _follow(hand, markers, side, parameters)
+        positions, rate = markers.hands[side], markers.recording.rate
+        track = follow(hand, positions, rate, parameters)
         glove = None
         if gloves is not None and side in gloves:
             glove = _compare(gloves[side], hand, markers, track, parameters)
-            track = _follow(hand, markers, side, parameters, glove.measurement)
+            track = follow(hand, positions, rate, parameters, glove.measurement)
         _check(track, side, parameters)
         tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
 
 
-def _follow(
+def follow(
     hand: PreparedHand,
-    markers: TrialMarkers,
-    side: Side,
+    markers: Floats,
+    rate: float,
     parameters: IngestParameters,
     glove: GloveMeasurement | None = None,
 ) -> HandTrack:
-    rate = markers.recording.rate
-    return track_hand(hand.hand, markers.hands[side], rate, hand.prior, parameters.tracking, glove)
+    """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
+    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking, glove, hand.noise)
 
 
 def _compare(

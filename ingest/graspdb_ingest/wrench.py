@@ -122,10 +122,13 @@ def wrench_space(wrenches: Floats) -> WrenchSpace:
         return WrenchSpace(0.0, 0.0)
     moved = with_origin + JOGGLE * np.random.default_rng(0).standard_normal(with_origin.shape)
     try:
-        return WrenchSpace(_epsilon(moved[:-1]), float(ConvexHull(moved).volume))
+        hull = ConvexHull(moved)
     except QhullError:
         # so nearly flat that no hull can be told from rounding
         return WrenchSpace(0.0, 0.0)
+    # Where the origin is not inside, it is a corner of the hull itself and no facet is away from it.
+    epsilon = -float(hull.equations[:, -1].max())
+    return WrenchSpace(epsilon if epsilon > LEAST_EPSILON else 0.0, float(hull.volume))
 
 
 def _flat(points: Floats) -> bool:
@@ -134,43 +137,3 @@ def _flat(points: Floats) -> bool:
         return True
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(spread[5] <= RANK_TOLERANCE * spread[0])
-
-
-def _epsilon(wrenches: Floats) -> float:
-    """Return the distance of the origin to the boundary of the wrenches' hull, zero if it is not inside.
-
-    A hull of a few wrenches grows by the furthest one beyond its nearest facet, until there is none
-    beyond: that facet is one of the whole hull, and no other is nearer. The result is that of all facets
-    of all wrenches, without the thousands of them that are far away.
-    """
-    if _flat(wrenches):
-        return 0.0  # the origin is at most a corner of the pyramid above them
-    hull = ConvexHull(wrenches[_spanning(wrenches)], incremental=True)
-    try:
-        for _ in range(len(wrenches)):
-            nearest = int(np.argmax(hull.equations[:, -1]))
-            direction, distance = hull.equations[nearest, :-1], -hull.equations[nearest, -1]
-            reach = wrenches @ direction
-            furthest = int(np.argmax(reach))
-            if reach[furthest] <= LEAST_EPSILON:
-                return 0.0
-            if reach[furthest] <= distance + 1e-10:
-                return float(distance) if distance > LEAST_EPSILON else 0.0
-            hull.add_points(wrenches[furthest : furthest + 1])
-    finally:
-        hull.close()
-    raise QhullError("the hull of the contact wrenches does not converge")
-
-
-def _spanning(wrenches: Floats) -> list[int]:
-    """Return a few wrenches that span a volume, beginning with the furthest along the principal axes."""
-    centred = wrenches - wrenches.mean(axis=0)
-    axes = np.linalg.svd(centred, full_matrices=False)[2]
-    chosen = list(dict.fromkeys(np.argmax(centred @ np.concatenate([axes, -axes]).T, axis=0).tolist()))
-    while _flat(wrenches[chosen]):
-        offsets = centred[chosen] - centred[chosen[0]]
-        spread, directions = np.linalg.svd(offsets.T @ offsets)[1:]
-        outside = directions[spread <= RANK_TOLERANCE**2 * spread[0]]
-        away = np.abs((centred - centred[chosen[0]]) @ outside.T).max(axis=1)
-        chosen.append(int(np.argmax(away)))
-    return chosen

@@ -118,6 +118,8 @@ class Engine:
 
     def _lock(self, sources: Mapping[str, TableSource]) -> None:
         """Leave the snapshot's files as the only ones that can be opened, for good."""
+        # The files of a snapshot never change, so their footers are read once.
+        self._connection.execute("SET parquet_metadata_cache = true")
         files = [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
         self._connection.execute("SET allowed_paths = $files", {"files": files})
         self._connection.execute("SET enable_external_access = false")

@@ -12,6 +12,7 @@ from typing import Final
 import pyarrow as pa
 
 from graspdb_queries.quoting import identifier
+from graspdb_schemas.describe import DescribedTable, describe
 from graspdb_schemas.tables import GRASPS, HANDS, OBJECTS
 
 _CONTEXT: Final = "(SELECT trial, unnest(context) AS context_id FROM trials)"
@@ -54,6 +55,11 @@ class View:
 def views() -> dict[str, View]:
     """Return the views by name."""
     return {view.name: view for view in (_grasp_objects(), _grasp_hands())}
+
+
+def describe_views() -> tuple[DescribedTable, ...]:
+    """Return the description of every view."""
+    return tuple(describe(view.name, view.doc, view.schema) for view in views().values())
 
 
 def _grasp_objects() -> View:

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from graspdb_queries.postures import (
@@ -121,11 +122,12 @@ def _score(scores: Array, i: int) -> pa.Array:
     return pa.array(scores[:, i]) if scores.shape[1] > i else pa.nulls(len(scores), pa.float64())
 
 
-def _labels(scaled: Array, n_clusters: int, method: str) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return the cluster of each row: 0 is the largest; of clusters of one size that of the first row is first."""
+def _labels(scaled: Array, n_clusters: int, method: Any) -> NDArray[np.int64]:
+    """Return the cluster of each row: 0 is the largest; of two of one size, that with the earlier row."""
     if len(scaled) < 2:
         return np.zeros(len(scaled), np.int64)
-    found = fcluster(linkage(scaled, method), n_clusters, criterion="maxclust")
+    tree: Any = linkage(scaled, method)
+    found = fcluster(tree, n_clusters, criterion="maxclust")
     _, first, inverse, counts = np.unique(found, return_index=True, return_inverse=True, return_counts=True)
     rank = np.empty(len(counts), np.int64)
     rank[np.lexsort((first, -counts))] = np.arange(len(counts))

@@ -34,10 +34,12 @@ class DescribedTable:
 
 def describe_tables() -> tuple[DescribedTable, ...]:
     """Return the description of every table, in the order of declaration."""
-    return tuple(
-        DescribedTable(name, TABLE_DOCS[name], tuple(_describe(field) for field in schema))
-        for name, schema in TABLES.items()
-    )
+    return tuple(describe(name, TABLE_DOCS[name], schema) for name, schema in TABLES.items())
+
+
+def describe(name: str, doc: str, schema: pa.Schema) -> DescribedTable:
+    """Return the description of a table, or of a view with documented columns."""
+    return DescribedTable(name, doc, tuple(_describe(field) for field in schema))
 
 
 def _describe(field: pa.Field) -> DescribedColumn:

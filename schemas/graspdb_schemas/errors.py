@@ -110,6 +110,16 @@ class ObjectError(GraspDBError):
         super().__init__(f"{path}: {found}. {remedy}")
 
 
+class MeasuredMapError(GraspDBError):
+    """A file does not hold contact measured on an object's surface."""
+
+    def __init__(self, path: Path, found: str, remedy: str) -> None:
+        self.path = path
+        self.found = found
+        self.remedy = remedy
+        super().__init__(f"{path}: {found}. {remedy}")
+
+
 class ParameterError(GraspDBError, ValueError):
     """An argument is outside of what is allowed."""
 

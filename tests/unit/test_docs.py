@@ -24,7 +24,7 @@ def write_docs() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("page", ["tables", "cli"])
+@pytest.mark.parametrize("page", ["tables", "queries", "cli"])
 def test_the_page_is_up_to_date(write_docs: ModuleType, page: str) -> None:
     written = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
     assert written == getattr(write_docs, f"{page}_page")(), "run `make docs`"

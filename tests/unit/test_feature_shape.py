@@ -1,4 +1,4 @@
-"""Curvature, connected pieces, curvature class and facing of closed forms: plane, edge, bar, sphere, torus."""
+"""Curvature, connected pieces, class and facing of closed forms: plane, edge, bar, sphere, torus."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from graspdb_ingest.feature_shape import (
     curvature_class,
     facing_sides,
     feature_shape,
+    surface_neighbours,
 )
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.curvature import principal_curvatures
@@ -136,8 +137,12 @@ def test_class_does_not_depend_on_the_spacing_of_the_cloud():
         assert classed(cylinder(0.035, 0.08, spacing)) == "rounded"
 
 
+def neighbours_of(cloud):
+    return surface_neighbours(cloud.points, cloud.normals, cloud.spacing)
+
+
 def patches_of(cloud, chosen=slice(None)):
-    return connected_patches(cloud.points[chosen], cloud.normals[chosen], cloud.areas[chosen], cloud.spacing)
+    return connected_patches(np.arange(len(cloud.points))[chosen], cloud.areas, neighbours_of(cloud))
 
 
 def test_a_whole_box_is_one_piece_and_two_opposite_faces_are_two():
@@ -186,8 +191,10 @@ def test_shape_turns_with_hand_and_object():
     points = np.flatnonzero(cloud.points[:, 0] > 0)
     turn = Rotation.from_euler("xyz", [0.4, 1.0, -2.0])
     moved = ObjectCloud(turn.apply(cloud.points) + 1, turn.apply(cloud.normals), cloud.areas, cloud.spacing)
-    here = feature_shape(cloud, curvatures_of(cloud), points, np.eye(3), Side.RIGHT)
-    there = feature_shape(moved, curvatures_of(moved), points, turn.as_matrix(), Side.RIGHT)
+    here = feature_shape(cloud, curvatures_of(cloud), neighbours_of(cloud), points, np.eye(3), Side.RIGHT)
+    there = feature_shape(
+        moved, curvatures_of(moved), neighbours_of(moved), points, turn.as_matrix(), Side.RIGHT
+    )
     assert here.curvature_class == there.curvature_class == "handle"
     assert here.hand_sides == pytest.approx(there.hand_sides, abs=0.01)
     assert np.array_equal(here.patches, there.patches)
@@ -197,8 +204,12 @@ def test_shape_turns_with_hand_and_object():
 
 def test_an_empty_feature_and_a_single_point_have_a_shape():
     cloud = torus()
-    nothing = feature_shape(cloud, curvatures_of(cloud), np.empty(0, dtype=np.int64), np.eye(3), Side.RIGHT)
+    nothing = feature_shape(
+        cloud, curvatures_of(cloud), neighbours_of(cloud), np.empty(0, dtype=np.int64), np.eye(3), Side.RIGHT
+    )
     assert (nothing.curvature_class, nothing.hand_side, len(nothing.patches)) == (None, None, 0)
-    one = feature_shape(cloud, curvatures_of(cloud), np.array([5]), np.full((3, 3), np.nan), Side.RIGHT)
+    one = feature_shape(
+        cloud, curvatures_of(cloud), neighbours_of(cloud), np.array([5]), np.full((3, 3), np.nan), Side.RIGHT
+    )
     assert one.patches.tolist() == [0]
     assert (one.hand_side, one.hand_sides) == (None, {})

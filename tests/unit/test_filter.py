@@ -8,7 +8,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.filter import HandFilter, State
-from graspdb_ingest.tracking.motion import motion_model, to_blocks
+from graspdb_ingest.tracking.motion import MotionNoise, motion_model, to_blocks
 from graspdb_schemas.vocabulary import N_DOF, Side
 
 RATE, NOISE = 120.0, 0.001
@@ -26,7 +26,7 @@ def prior(hand):
 
 @pytest.fixture(scope="module")
 def motion(hand, prior):
-    return motion_model(hand, prior, TrackingParameters(), 1 / RATE)
+    return motion_model(hand, prior, MotionNoise.assumed(TrackingParameters()), 1 / RATE)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.motion import from_blocks, motion_model, to_blocks
+from graspdb_ingest.tracking.motion import MotionNoise, from_blocks, motion_model, to_blocks
 from graspdb_schemas.vocabulary import JOINT_ANGLES, N_DOF, Side
 
 FREE = 6
@@ -19,7 +19,9 @@ def prior(hands):
 
 @pytest.fixture(scope="module")
 def model_of(hands, prior):
-    return lambda step: motion_model(hands[Side.RIGHT], prior, TrackingParameters(), step)
+    return lambda step: motion_model(
+        hands[Side.RIGHT], prior, MotionNoise.assumed(TrackingParameters()), step
+    )
 
 
 def dense(model):

@@ -9,7 +9,7 @@ from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking import smoother
 from graspdb_ingest.tracking.filter import State, Update, solve_measured
-from graspdb_ingest.tracking.motion import from_blocks, motion_model, to_blocks
+from graspdb_ingest.tracking.motion import MotionNoise, from_blocks, motion_model, to_blocks
 from graspdb_ingest.tracking.smoother import ForwardPass
 from graspdb_schemas.vocabulary import N_DOF, Side
 
@@ -29,7 +29,7 @@ class Linear:
 @pytest.fixture(scope="module")
 def motion(hands):
     hand = hands[Side.RIGHT]
-    return motion_model(hand, default_prior(hand), TrackingParameters(), 1 / 120)
+    return motion_model(hand, default_prior(hand), MotionNoise.assumed(TrackingParameters()), 1 / 120)
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,8 @@ class Bundle:
         prior = 1 / self.geometry.prior_sd**2
         normal, gradient = np.diag(prior), -state.parameters * prior
         self.geometry.apply(self.kinematics, state.parameters)
-        solved_of_frame = []
+        geometry, solved_of_frame = self.geometry, []
+        shape = geometry.linearise(self.kinematics, state.parameters)
         for frame, seen, q in zip(self.frames, self._seen, state.postures, strict=True):
             self.kinematics.move(q)
             residual = (frame - self.kinematics.markers)[seen]
@@ -162,7 +163,7 @@ class Bundle:
             scale = (np.sqrt(self._weights(residual, sd)) / sd)[:, None]
             rows = (scale * residual).ravel()
             by_q = (scale[..., None] * self.kinematics.marker_jacobian()[seen]).reshape(len(rows), -1)
-            by_shape = self.geometry.jacobian(self.kinematics, state.parameters)[seen]
+            by_shape = geometry.jacobian(self.kinematics, shape)[seen]
             by_shape = (scale[..., None] * by_shape).reshape(len(rows), -1)
             own = by_q.T @ by_q
             own[FREE:, FREE:] += precision

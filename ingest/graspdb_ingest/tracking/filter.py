@@ -137,8 +137,8 @@ class HandFilter:
         """Return a state at a fitted configuration, at rest, with the spread of any hand."""
         return State(q, np.zeros(self._n), to_blocks(self._motion.stationary))
 
-    def predict(self, state: State) -> State:
-        """Return the state one step later.
+    def predict(self, state: State, activity: Floats | None = None) -> State:
+        """Return the state one step later, its process noise multiplied by `activity`, shape (n_dof,).
 
         The free joint's own axes turn by the small angle of a step meanwhile; that second-order
         turn of its covariance is left out.
@@ -146,7 +146,7 @@ class HandFilter:
         offset = np.zeros(self._n)
         offset[FREE:] = state.q[SEVEN:] - self._prior.mean
         change, velocity = self._motion.predict_mean(offset, state.velocity)
-        blocks = self._motion.predict_covariance(state.blocks)
+        blocks = self._motion.predict_covariance(state.blocks, activity)
         return State(self._hand.integrate(state.q, change), velocity, blocks)
 
     def update(
@@ -207,7 +207,7 @@ class HandFilter:
         """Return degrees of freedom, precisions and innovations of the readings that pass the gate."""
         dofs = readings.hinges + FREE
         innovation = readings.angles - state.q[readings.hinges + SEVEN]
-        spread = state.covariance[dofs, dofs] + readings.variance
+        spread = state.position_covariance[dofs, dofs] + readings.variance
         passing = innovation**2 <= self._angle_gate * spread
         if not passing.any():
             return None

@@ -69,11 +69,18 @@ def fit_frame(
     FrameFit
         The best of the fits.
     """
-    precision = np.linalg.inv(prior.covariance)
     candidates = (*starts, *_rigid_starts(kinematics, observed, prior))
-    target = _Target(observed, visible(observed), marker_sd[:, None], prior.mean, precision)
-    fits = (_descend(kinematics, target, q) for q in candidates)
+    fits = (refit_frame(kinematics, observed, prior, marker_sd, q) for q in candidates)
     return min(fits, key=lambda fit: fit.cost)
+
+
+def refit_frame(
+    kinematics: Kinematics, observed: Floats, prior: PosturePrior, marker_sd: Floats, start: Floats
+) -> FrameFit:
+    """Fit one frame as `fit_frame` does, from one start alone: a configuration near the answer."""
+    precision = np.linalg.inv(prior.covariance)
+    target = _Target(observed, visible(observed), marker_sd[:, None], prior.mean, precision)
+    return _descend(kinematics, target, start)
 
 
 def visible(observed: Floats) -> Bools:

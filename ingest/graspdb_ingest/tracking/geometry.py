@@ -10,10 +10,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand.kinematics import Kinematics
-from graspdb_ingest.hand.model import MARKER_PREFIX, Bools, Floats, HandModel, HandShape
+from graspdb_ingest.hand.model import MARKER_PREFIX, Floats, HandModel, HandShape
 from graspdb_schemas.manifest import MarkerPlacement
 from graspdb_schemas.vocabulary import (
     DIGITS,
@@ -23,6 +24,8 @@ from graspdb_schemas.vocabulary import (
     SEGMENTS_OF_DIGIT,
     SITES,
 )
+
+Indices = NDArray[np.intp]
 
 SIZE_SD: Final = 0.05
 """Spread of the whole hand's size about the measured one [1]."""
@@ -126,30 +129,51 @@ class HandGeometry:
             places[name] = moved
         return HandShape(body_positions=bodies, body_quaternions=quaternions, site_positions=places)
 
-    def jacobian(self, kinematics: Kinematics, parameters: Floats) -> Floats:
-        """Return d(marker) / d(parameter) for the workspace's posture, shape (n_markers, 3, n_parameters)."""
-        rotations, positions = kinematics.body_rotations, kinematics.body_positions
-        n_markers = len(self.hand.markers)
-        jacobian = np.zeros((n_markers, 3, self.n_parameters))
-        for i, body in enumerate(self._marker_bodies):
-            jacobian[i, :, self.n_parameters - 3 * (n_markers - i) :][:, :3] = rotations[body]
+    def linearise(self, kinematics: Kinematics, parameters: Floats) -> "Linearisation | None":
+        """Return what the derivatives of the markers need of a shape that the workspace's hand has.
+
+        It is the same for all postures; None for a hand whose bones are not scaled.
+        """
         if not self.anatomical:
-            return jacobian
-        carriers = rotations[self._centre_carriers]
-        columns = np.einsum("kij,kj->ki", carriers, self._centre_axes) * (1 + parameters[0])
-        jacobian[:, :, 1 : 1 + len(columns)] = np.einsum("mk,ki->mik", self._moved_by_centre, columns)
-        places = np.array(list(self._site_positions(parameters).values())) / (1 + parameters[0])
-        along = np.einsum("sij,sj->si", rotations[self._site_carriers], places)
-        jacobian[:, :, 0] = self._moved_by_site @ along
-        markers, start = kinematics.markers, 1 + len(columns)
+            return None
+        model = kinematics.model
+        axes = np.empty((len(DIGITS), 3, 3))
         for d, (digit, body) in enumerate(zip(DIGITS, self._first_bodies, strict=True)):
-            parent = int(kinematics.model.body_parentid[body])
-            turned = Rotation.from_quat(kinematics.model.body_quat[body], scalar_first=True)
-            axes = rotations[parent] @ turned.as_matrix()
-            axes = axes @ _right_jacobian(self._direction(parameters, digit))
-            arms = np.where(self._on_digit[:, d, None], markers - positions[body], 0.0)
-            columns_d = slice(start + 3 * d, start + 3 * d + 3)
-            jacobian[:, :, columns_d] = np.cross(axes.T[None], arms[:, None]).transpose(0, 2, 1)
+            turned = Rotation.from_quat(model.body_quat[body], scalar_first=True)
+            axes[d] = turned.as_matrix() @ _right_jacobian(self._direction(parameters, digit))
+        places = np.array(list(self._site_positions(parameters).values())) / (1 + parameters[0])
+        return Linearisation(
+            scaled_centre_axes=self._centre_axes * (1 + parameters[0]), places=places, axes=axes
+        )
+
+    def jacobian(self, kinematics: Kinematics, shape: "Linearisation | None") -> Floats:
+        """Return d(marker) / d(parameter) for the workspace's posture, shape (n_markers, 3, n_parameters).
+
+        Parameters
+        ----------
+        kinematics : Kinematics
+            The workspace, with the shape applied and the posture taken.
+        shape : Linearisation or None
+            What `linearise` made of the shape.
+        """
+        rotations, n_markers = kinematics.body_rotations, len(self.hand.markers)
+        jacobian = np.zeros((n_markers, 3, self.n_parameters))
+        offsets = jacobian[:, :, -3 * n_markers :].reshape(n_markers, 3, n_markers, 3)
+        each = np.arange(n_markers)
+        offsets[each, :, each] = rotations[self._marker_bodies]
+        if shape is None:
+            return jacobian
+        n_centres = len(self._centre_axes)
+        carriers = rotations[self._centre_carriers]
+        columns = np.einsum("kij,kj->ki", carriers, shape.scaled_centre_axes)
+        jacobian[:, :, 1 : 1 + n_centres] = self._moved_by_centre[:, None] * columns.T
+        along = np.einsum("sij,sj->si", rotations[self._site_carriers], shape.places)
+        jacobian[:, :, 0] = self._moved_by_site @ along
+        on, digit = self._digit_markers
+        arms = kinematics.markers[on] - kinematics.body_positions[self._first_bodies][digit]
+        axes = rotations[self._first_parents] @ shape.axes
+        turns = jacobian[:, :, 1 + n_centres : -3 * n_markers].reshape(n_markers, 3, len(DIGITS), 3)
+        turns[on, :, digit] = _cross_matrix(-arms) @ axes[digit]
         return jacobian
 
     def length_sd(self, parameters: Floats, covariance: Floats) -> dict[str, float]:
@@ -234,9 +258,16 @@ class HandGeometry:
         return [int(self.hand.mujoco_model.body(SEGMENTS_OF_DIGIT[d][0]).id) for d in DIGITS]
 
     @cached_property
-    def _on_digit(self) -> Bools:
+    def _first_parents(self) -> list[int]:
+        return [int(self.hand.mujoco_model.body_parentid[body]) for body in self._first_bodies]
+
+    @cached_property
+    def _digit_markers(self) -> tuple[Indices, Indices]:
+        """Markers that sit on a digit, and which digit that is."""
         segments = (self.placements[label].segment for label in self.hand.markers)
-        return np.array([[s in SEGMENTS_OF_DIGIT[d] for d in DIGITS] for s in segments])
+        on_digit = np.array([[s in SEGMENTS_OF_DIGIT[d] for d in DIGITS] for s in segments])
+        markers, digits = np.nonzero(on_digit)
+        return markers, digits
 
     @cached_property
     def _moved_by_site(self) -> Floats:
@@ -257,10 +288,37 @@ class HandGeometry:
         return self._moved_by_site[:, self._centre_sites]
 
 
+@dataclass(frozen=True)
+class Linearisation:
+    """A shape as the derivatives of the markers need it, the same for all postures.
+
+    Attributes
+    ----------
+    scaled_centre_axes : ndarray, shape (n_centres, 3)
+        Way of a site for each unit of its parameter, in the carrying segment.
+    places : ndarray, shape (20, 3)
+        Sites in their carrying segments, for a hand of size 1 [m].
+    axes : ndarray, shape (5, 3, 3)
+        Columns: the axes that the parameters of a digit's direction turn it about, in its parent's frame.
+    """
+
+    scaled_centre_axes: Floats
+    places: Floats
+    axes: Floats
+
+
+def _cross_matrix(vectors: Floats) -> Floats:
+    """Return the matrices of v x, shape (n, 3, 3), of vectors (n, 3)."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
+    matrices[:, [1, 2, 0], [2, 0, 1]] = -vectors
+    return matrices
+
+
 def _right_jacobian(vector: Floats) -> Floats:
     """Return the right Jacobian of the rotation vector, which turns its change into one about own axes."""
     angle = float(np.linalg.norm(vector))
-    skew: Floats = np.cross(np.eye(3), vector)  # the matrix of vector x
+    skew: Floats = _cross_matrix(vector[None])[0]
     squared: Floats = skew @ skew
     if angle < 1e-6:
         return np.eye(3) - skew / 2

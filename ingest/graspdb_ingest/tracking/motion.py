@@ -21,6 +21,42 @@ Blocks = Floats
 
 
 @dataclass(frozen=True)
+class MotionNoise:
+    """The scales of movement and of the markers' noise; all that is estimated from a recording.
+
+    Attributes
+    ----------
+    translation_acceleration : float
+        Spread of the forearm's acceleration, root of its spectral density [m/s^1.5].
+    rotation_acceleration : float
+        The same for its rotation [rad/s^1.5].
+    wrist_time, thumb_time, finger_time : float
+        Time scales of joint angles about the mean posture [s].
+    marker_sd : float
+        Standard deviation of a marker about its place on the model [m].
+    """
+
+    translation_acceleration: float
+    rotation_acceleration: float
+    wrist_time: float
+    thumb_time: float
+    finger_time: float
+    marker_sd: float
+
+    @classmethod
+    def assumed(cls, parameters: TrackingParameters) -> "MotionNoise":
+        """Return the scales that are assumed before any recording has been seen."""
+        return cls(
+            translation_acceleration=parameters.translation_acceleration,
+            rotation_acceleration=parameters.rotation_acceleration,
+            wrist_time=parameters.posture_time,
+            thumb_time=parameters.posture_time,
+            finger_time=parameters.posture_time,
+            marker_sd=parameters.marker_sd,
+        )
+
+
+@dataclass(frozen=True)
 class MotionModel:
     """The step from one frame to the next: x' = A x + w for position and velocity of each dof.
 
@@ -42,11 +78,20 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Blocks) -> Blocks:
-        """Return A P A^T + Q."""
+    def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
+        """Return A P A^T + Q, Q multiplied by each degree of freedom's `activity`, shape (n_dof,)."""
         predicted = _congruent(covariance, self._forward)
-        predicted += self._noise_blocks
+        if activity is None:
+            predicted += self._noise_blocks
+        else:
+            root = np.sqrt(activity)
+            predicted += self._noise_blocks * (root[:, None] * root)
         return predicted
+
+    @cached_property
+    def own_noise(self) -> Floats:
+        """Q of each degree of freedom: position with velocity, velocity, position; shape (3, n_dof)."""
+        return np.array(np.diagonal(self._noise_blocks[:3], axis1=1, axis2=2))
 
     def adjoint(self, vector: Floats) -> Floats:
         """Return A^T x, shape (2 * n_dof,)."""
@@ -87,48 +132,65 @@ class MotionModel:
         return change, self.velocity_position * offset + self.velocity_velocity * velocity
 
 
-def motion_model(
-    hand: HandModel, prior: PosturePrior, parameters: TrackingParameters, step: float
-) -> MotionModel:
+def motion_model(hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float) -> MotionModel:
     """Build the process model for a time step [s].
 
     Matern 3/2 with rate r = 1 / time scale: A = exp(-r t) [[1 + r t, t], [-r^2 t, 1 - r t]],
     stationary covariance diag(1, r^2) times the prior's, Q = S - A S A^T. White acceleration of
     spectral density s: A = [[1, t], [0, 1]], Q = s [[t^3/3, t^2/2], [t^2/2, t]].
+
+    Hinges that the prior couples but whose time scales differ cannot both keep the prior's
+    covariance exactly; of their Q the nearest one that is a covariance is taken.
     """
-    n, rate = hand.n_dof, 1 / parameters.posture_time
+    n, free = hand.n_dof, np.arange(hand.n_dof) < FREE
+    rate = np.concatenate([np.ones(FREE), 1 / _hinge_times(hand, noise)])
     decay = np.exp(-rate * step)
-    free = np.arange(n) < FREE
     from_position = np.where(free, 1.0, decay * (1 + rate * step))
     from_velocity = np.where(free, step, decay * step)
     to_velocity = np.where(free, 0.0, -decay * rate**2 * step)
     of_velocity = np.where(free, 1.0, decay * (1 - rate * step))
     stationary = np.zeros((2 * n, 2 * n))
     stationary[FREE:n, FREE:n] = prior.covariance
-    stationary[n + FREE :, n + FREE :] = rate**2 * prior.covariance
+    stationary[n + FREE :, n + FREE :] = prior.covariance * np.outer(rate[FREE:], rate[FREE:])
     matrix = np.block(
         [
             [np.diag(from_position), np.diag(from_velocity)],
             [np.diag(to_velocity), np.diag(of_velocity)],
         ]
     )
-    noise = stationary - matrix @ stationary @ matrix.T
-    density = np.repeat([parameters.translation_acceleration**2, parameters.rotation_acceleration**2], 3)
+    spread = _nearest_covariance(stationary - matrix @ stationary @ matrix.T)
+    density = np.repeat([noise.translation_acceleration**2, noise.rotation_acceleration**2], 3)
     for i, s in enumerate(density):
-        noise[np.ix_([i, n + i], [i, n + i])] = s * np.array(
+        spread[np.ix_([i, n + i], [i, n + i])] = s * np.array(
             [[step**3 / 3, step**2 / 2], [step**2 / 2, step]]
         )
     wide = np.repeat([1.0, np.pi], 3)
     stationary[range(FREE), range(FREE)] = wide**2
-    stationary[range(n, n + FREE), range(n, n + FREE)] = (wide / parameters.posture_time) ** 2
+    stationary[range(n, n + FREE), range(n, n + FREE)] = (wide / noise.finger_time) ** 2
     return MotionModel(
         position_position=from_position,
         position_velocity=from_velocity,
         velocity_position=to_velocity,
         velocity_velocity=of_velocity,
-        noise=(noise + noise.T) / 2,
+        noise=spread,
         stationary=stationary,
     )
+
+
+def _hinge_times(hand: HandModel, noise: MotionNoise) -> Floats:
+    """Return the time scale of each hinge [s]; a hinge with a name of its own moves like a finger."""
+    times = {"wrist": noise.wrist_time, "thumb": noise.thumb_time}
+    return np.array([times.get(joint.partition("_")[0], noise.finger_time) for joint in hand.joints])
+
+
+def _nearest_covariance(matrix: Floats) -> Floats:
+    """Return the matrix made symmetric and without negative eigenvalues, as a correlation matrix."""
+    scale = np.sqrt(np.maximum(np.diagonal(matrix), 0))
+    outer = np.outer(scale, scale)
+    safe = np.where(outer > 0, outer, 1.0)
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / (2 * safe))
+    nearest = (vectors * np.maximum(values, 0)) @ vectors.T * outer
+    return np.asarray((nearest + nearest.T) / 2)
 
 
 def to_blocks(matrix: Floats) -> Blocks:

@@ -74,8 +74,12 @@ class ForwardPass:
         """Forget all frames."""
         self._length = 0
 
-    def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
-        """Yield the smoothed frames, block by block, the last block first.
+    def backward(self, motion: MotionModel) -> Iterator[tuple[int, Floats, Blocks]]:
+        """Yield frame, adjoint vector and adjoint matrix, from the last frame to the first.
+
+        They belong to the frame's prediction with mean x and covariance P: the smoothed state is
+        x - P a and its covariance P - P X P. The log likelihood of all that is measured from this
+        frame on has the derivatives -a by x and (a a^T - X) / 2 by P.
 
         Parameters
         ----------
@@ -85,28 +89,41 @@ class ForwardPass:
         n = self._weighted.shape[1]
         adjoint: Floats = np.zeros(2 * n)
         matrix: Blocks = np.zeros((4, n, n))
-        for stop in range(self._length, 0, -BLOCK):
-            frames = slice(max(0, stop - BLOCK), stop)
-            columns = self._columns[frames].astype(float)
-            inverse = self._inverse[frames].astype(float)
-            steps, covariances = np.empty((len(columns), n)), np.empty(inverse.shape)
-            for i in reversed(range(len(columns))):
-                left = columns[i]
-                # Through the measurement: its I - K H leaves velocities alone.
-                through = left @ -inverse[i]
-                through.reshape(-1)[: n * n : n + 1] += 1
-                reduced = _times(matrix, through)
-                corner = through.T @ reduced + inverse[i]
-                matrix[2] = (corner + corner.T) * 0.5
-                matrix[3] = reduced[n:]
-                matrix[0] = reduced[n:].T
-                adjoint[:n] = adjoint @ through - self._weighted[frames.start + i]
-                steps[i] = -(adjoint @ left)
-                covariances[i] = left[:n] - left.T @ _times(matrix, left)
-                # Back over the step between frames.
+        for i in reversed(range(self._length)):
+            if i < self._length - 1:
                 adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
                 matrix[1] = (matrix[1] + matrix[1].T) * 0.5
-            yield Smoothed(frames, steps, covariances)
+            inverse = self._inverse[i].astype(float, copy=False)
+            # Through the measurement: its I - K H leaves velocities alone.
+            through = self._columns[i] @ -inverse
+            through.reshape(-1)[: n * n : n + 1] += 1
+            reduced = _times(matrix, through)
+            corner = through.T @ reduced + inverse
+            matrix[2] = (corner + corner.T) * 0.5
+            matrix[3] = reduced[n:]
+            matrix[0] = reduced[n:].T
+            adjoint[:n] = adjoint @ through - self._weighted[i]
+            yield i, adjoint, matrix
+
+    def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
+        """Yield the smoothed frames, block by block, the last block first.
+
+        Parameters
+        ----------
+        motion : MotionModel
+            The step between frames that the forward pass predicted with.
+        """
+        n = self._weighted.shape[1]
+        steps, covariances = np.empty((BLOCK, n)), np.empty((BLOCK, n, n))
+        stop = self._length
+        for i, adjoint, matrix in self.backward(motion):
+            left = self._columns[i].astype(float, copy=False)
+            place = i % BLOCK
+            steps[place] = -(adjoint @ left)
+            covariances[place] = left[:n] - left.T @ _times(matrix, left)
+            if place == 0:
+                yield Smoothed(slice(i, stop), steps[: stop - i].copy(), covariances[: stop - i].copy())
+                stop = i
 
 
 def _times(matrix: Blocks, columns: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""A hand followed through a recording."""
+"""A hand followed through a recording: forward, backward, and once more with what was learnt of it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -9,18 +9,14 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import HandFilter, JointReadings, State, Update
-from graspdb_ingest.tracking.fit import SEVEN, fit_frame, visible
+from graspdb_ingest.tracking.activity import activity, joint_groups, movement
+from graspdb_ingest.tracking.fit import SEVEN, visible
+from graspdb_ingest.tracking.following import Stretch, follow, make_follower
 from graspdb_ingest.tracking.glove import GloveMeasurement
-from graspdb_ingest.tracking.motion import MotionModel, motion_model
-from graspdb_ingest.tracking.smoother import ForwardPass
+from graspdb_ingest.tracking.motion import MotionNoise, motion_model
+from graspdb_ingest.tracking.smoother import ForwardPass, Smoothed
 from graspdb_schemas.errors import TrackingError
 from graspdb_schemas.vocabulary import N_SITES
-
-LOST_AFTER: Final = 10
-"""Frames in a row with most of the seen markers rejected after which the hand counts as lost."""
-FORGOTTEN_AFTER: Final = 1.0
-"""Time without any marker after which tracking starts anew [s]."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +72,12 @@ def track_hand(
     prior: PosturePrior,
     parameters: TrackingParameters,
     glove: GloveMeasurement | None = None,
+    noise: MotionNoise | None = None,
 ) -> HandTrack:
     """Follow a hand through a recording.
+
+    The recording is passed twice, forward and backward. The first time finds out how much the hand
+    moves from moment to moment, the second time uses it.
 
     Parameters
     ----------
@@ -90,9 +90,11 @@ def track_hand(
     prior : PosturePrior
         Where joints usually are.
     parameters : TrackingParameters
-        Noise, gate and movement.
+        Gate and thresholds.
     glove : GloveMeasurement, optional
         Joint angles of a data glove, in every frame.
+    noise : MotionNoise, optional
+        Scales of movement and marker noise; those that the parameters assume where left out.
 
     Returns
     -------
@@ -110,120 +112,85 @@ def track_hand(
             f"no frame shows {parameters.minimum_start_markers} of the hand's {len(hand.markers)} markers",
             "Check marker_names in session.yaml, or the recording's labels.",
         )
-    motion = motion_model(hand, prior, parameters, 1 / rate)
-    marker_sd = np.full(len(hand.markers), parameters.marker_sd)
-    kinematics = Kinematics(hand)
-    filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
-    follower = _Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
-    smoother = _Smoother(kinematics, motion, markers)
-    for i, observed in enumerate(markers):
-        followed = follower.step(observed, None if glove is None else glove.frame(i))
-        smoother.append(i, followed)
-    return smoother.finish()
+    noise = MotionNoise.assumed(parameters) if noise is None else noise
+    passes = _Passes(hand, markers, rate, prior, parameters, glove, noise)
+    return passes.track(passes.activities())
 
 
-@dataclass(frozen=True)
-class _Followed:
-    """A frame of the forward pass: what the filter made of it, None while the hand is not known."""
-
-    predicted: State | None
-    update: Update | None
-    started: bool = False
-
-
-class _Smoother:
-    """Collects the forward pass and smooths each stretch in which the hand was never lost."""
-
-    def __init__(self, kinematics: Kinematics, motion: MotionModel, markers: Floats) -> None:
-        hand = kinematics.hand
-        self._kinematics, self._motion, self._markers = kinematics, motion, markers
-        self._pass = ForwardPass(len(markers), hand.n_dof)
-        self._first = 0
-        self._q = np.full((len(markers), hand.n_q), np.nan)
-        self._q_sd = np.full((len(markers), hand.n_dof), np.nan)
-        self._sites = np.full((len(markers), N_SITES, 3), np.nan)
-        self._sites_sd = np.full((len(markers), N_SITES), np.nan)
-        self._residuals = np.full(markers.shape, np.nan)
-        self._used = np.zeros(markers.shape[:2], dtype=bool)
-        self._at_limit = np.zeros(len(markers), dtype=bool)
-
-    def append(self, frame: int, followed: _Followed) -> None:
-        """Take the next frame of the forward pass."""
-        if followed.started or followed.update is None:
-            self._smooth()
-            self._first = frame
-        if followed.predicted is not None and followed.update is not None:
-            update = followed.update
-            self._pass.append(followed.predicted, update)
-            self._q[frame], self._used[frame] = followed.predicted.q, update.used
-            self._at_limit[frame] = update.at_limit
-
-    def finish(self) -> HandTrack:
-        """Return the whole track."""
-        self._smooth()
-        return HandTrack(
-            self._q, self._q_sd, self._sites, self._sites_sd, self._residuals, self._used, self._at_limit
-        )
-
-    def _smooth(self) -> None:
-        hand, limits = self._kinematics.hand, self._kinematics.hand.joint_range
-        for part in self._pass.smooth(self._motion):
-            frames = range(self._first + part.frames.start, self._first + part.frames.stop)
-            jacobians = np.empty((len(frames), 3 * N_SITES, hand.n_dof))
-            for i, frame in enumerate(frames):
-                q = hand.integrate(self._q[frame], part.step[i])
-                q[SEVEN:] = np.clip(q[SEVEN:], limits[:, 0], limits[:, 1])
-                self._q[frame] = q
-                self._kinematics.move(q)
-                self._sites[frame] = self._kinematics.sites
-                self._residuals[frame] = self._markers[frame] - self._kinematics.markers
-                jacobians[i] = self._kinematics.site_jacobian().reshape(jacobians[i].shape)
-            variance = np.sum((jacobians @ part.covariance) * jacobians, axis=2)
-            rows = slice(frames.start, frames.stop)
-            self._q_sd[rows] = np.sqrt(np.diagonal(part.covariance, axis1=1, axis2=2))
-            self._sites_sd[rows] = np.sqrt(variance.reshape(len(frames), N_SITES, 3).sum(axis=2))
-        self._pass.clear()
-
-
-class _Follower:
-    """The filter with its start, its loss of the hand and its re-acquisition."""
+class _Passes:
+    """Forward and backward passes over one recording."""
 
     def __init__(
         self,
-        kinematics: Kinematics,
-        filter_: HandFilter,
+        hand: HandModel,
+        markers: Floats,
+        rate: float,
         prior: PosturePrior,
-        marker_sd: Floats,
         parameters: TrackingParameters,
-        forgotten_after: int,
+        glove: GloveMeasurement | None,
+        noise: MotionNoise,
     ) -> None:
-        self._kinematics = kinematics
-        self._filter = filter_
-        self._prior = prior
-        self._marker_sd = marker_sd
-        self._minimum = parameters.minimum_start_markers
-        self._forgotten_after = forgotten_after
-        self._state: State | None = None
-        self._doubtful = 0
-        self._unseen = 0
+        self._hand, self._markers, self._rate = hand, markers, rate
+        self._prior, self._parameters, self._glove, self._noise = prior, parameters, glove, noise
+        self._kinematics = Kinematics(hand)
+        self._motion = motion_model(hand, prior, noise, 1 / rate)
+        self._forward = ForwardPass(len(markers), hand.n_dof)
 
-    def step(self, observed: Floats, readings: JointReadings | None = None) -> _Followed:
-        """Take one frame."""
-        seen = visible(observed)
-        self._unseen = 0 if seen.any() else self._unseen + 1
-        if self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after:
-            self._state = None
-        if self._state is None:
-            if seen.sum() < self._minimum:
-                return _Followed(None, None)
-            fit = fit_frame(self._kinematics, observed, self._prior, self._marker_sd)
-            predicted = self._filter.start(fit.q)
-            update = self._filter.update(predicted, observed, gated=False, readings=readings)
-            self._doubtful, started = 0, True
-        else:
-            predicted = self._filter.predict(self._state)
-            update = self._filter.update(predicted, observed, readings=readings)
-            rejected = seen.sum() - update.used.sum()
-            self._doubtful, started = self._doubtful + 1 if 2 * rejected > seen.sum() else 0, False
-        self._state = update.state
-        return _Followed(predicted, update, started)
+    def activities(self) -> Floats:
+        """Return how much each degree of freedom moves in each frame, shape (n_frames, n_dof)."""
+        shares = np.ones((len(self._markers), self._hand.n_dof))
+        groups = joint_groups(self._hand)
+        for stretch in self._stretches(None):
+            movements = np.empty((len(stretch.q), 2, self._hand.n_dof))
+            for i, adjoint, matrix in stretch.forward.backward(self._motion):
+                movements[i] = movement(self._motion, adjoint, matrix)
+            shares[stretch.rows] = activity(movements, groups, self._rate)
+        return shares
+
+    def track(self, activities: Floats) -> HandTrack:
+        """Return the smoothed track."""
+        track = _empty_track(self._hand, self._markers)
+        for stretch in self._stretches(activities):
+            rows = stretch.rows
+            track.used[rows], track.at_limit[rows] = stretch.used, stretch.at_limit
+            for part in stretch.forward.smooth(self._motion):
+                self._write(track, stretch, part)
+        return track
+
+    def _stretches(self, activities: Floats | None) -> Iterator[Stretch]:
+        follower = make_follower(
+            self._kinematics, self._motion, self._prior, self._parameters, self._rate, self._noise
+        )
+        return follow(follower, self._markers, self._glove, activities, self._forward)
+
+    def _write(self, track: HandTrack, stretch: Stretch, part: Smoothed) -> None:
+        """Write a block of smoothed frames into the track, with the sites' standard deviations."""
+        hand, limits, kinematics = self._hand, self._hand.joint_range, self._kinematics
+        jacobians = np.empty((len(part.step), 3 * N_SITES, hand.n_dof))
+        for i, step in enumerate(part.step):
+            place = part.frames.start + i
+            frame = stretch.first + place
+            q = hand.integrate(stretch.q[place], step)
+            q[SEVEN:] = np.clip(q[SEVEN:], limits[:, 0], limits[:, 1])
+            track.q[frame] = q
+            kinematics.move(q)
+            track.sites[frame] = kinematics.sites
+            track.residuals[frame] = self._markers[frame] - kinematics.markers
+            jacobians[i] = kinematics.site_jacobian().reshape(jacobians[i].shape)
+        variance = np.sum((jacobians @ part.covariance) * jacobians, axis=2)
+        rows = slice(stretch.first + part.frames.start, stretch.first + part.frames.stop)
+        track.q_sd[rows] = np.sqrt(np.diagonal(part.covariance, axis1=1, axis2=2))
+        track.sites_sd[rows] = np.sqrt(variance.reshape(-1, N_SITES, 3).sum(axis=2))
+
+
+def _empty_track(hand: HandModel, markers: Floats) -> HandTrack:
+    n_frames = len(markers)
+    return HandTrack(
+        q=np.full((n_frames, hand.n_q), np.nan),
+        q_sd=np.full((n_frames, hand.n_dof), np.nan),
+        sites=np.full((n_frames, N_SITES, 3), np.nan),
+        sites_sd=np.full((n_frames, N_SITES), np.nan),
+        residuals=np.full(markers.shape, np.nan),
+        used=np.zeros(markers.shape[:2], dtype=bool),
+        at_limit=np.zeros(n_frames, dtype=bool),
+    )

@@ -32,8 +32,8 @@ SELECT
     site,
     any_value(digit) AS digit,
     any_value(n_grasps) AS n_grasps,
-    count(DISTINCT grasp) AS n_contacts,
-    count(DISTINCT grasp) / any_value(n_grasps) AS frequency
+    count(*) AS n_contacts,
+    count(*) / any_value(n_grasps) AS frequency
 FROM contacts
 JOIN chosen USING (grasp)
 JOIN per_object USING (object)

@@ -13,19 +13,21 @@
 --   mean_delay  mean time from the first contact of the grasp to the digit's [s]
 --   sd_delay    standard deviation of that time [s]
 --
--- A digit's onset is the first frame between the first contact of the hold and the snapshot in which one of
--- its sites is nearer than the threshold of contact. Digits that have let go again by the snapshot are left out.
+-- A digit's onset is that of its first contact in the grasp. Left out are digits that have let go again by the
+-- snapshot, and grasps of which a digit's onset was not seen, for their order is not known.
 
-WITH onsets AS (
-    SELECT g.grasp, g.object, d.digit, min(f.time) AS onset
+WITH contacts_of AS (
+    SELECT grasp, digit, arg_min(onset_time, first_time) AS onset, bool_or(onset_time IS NULL) AS unseen
+    FROM contact_events
+    GROUP BY grasp, digit
+),
+onsets AS (
+    SELECT grasp, g.object, digit, onset, bool_or(unseen) OVER (PARTITION BY grasp) AS unknown
     FROM grasps g
-    JOIN frames f
-        ON f.trial = g.trial AND f.side = g.side AND f.time BETWEEN g.onset_time - 1e-6 AND g.snapshot_time + 1e-6
-    CROSS JOIN unnest(g.digits) d(digit)
-    WHERE digit_gap(f.gap, d.digit) < g.contact_threshold
+    JOIN contacts_of USING (grasp)
+    WHERE list_contains(g.digits, digit)
       AND ($object IS NULL OR g.object = $object)
       AND ($subject IS NULL OR g.subject = $subject)
-    GROUP BY g.grasp, g.object, d.digit
 ),
 ranked AS (
     SELECT
@@ -34,6 +36,7 @@ ranked AS (
         rank() OVER (PARTITION BY grasp ORDER BY onset) AS place,
         onset - min(onset) OVER (PARTITION BY grasp) AS delay
     FROM onsets
+    WHERE NOT unknown
 )
 SELECT
     object,

@@ -6,7 +6,7 @@
 --
 -- Columns:
 --   object    name of the object
---   index     name of the index
+--   index     name of the index; force_closure is 1 or 0, so its mean is the share of grasps that have it
 --   n_grasps  grasps that have it
 --   mean      mean of the index
 --   sd        its standard deviation
@@ -15,7 +15,14 @@
 --   greatest  greatest value
 
 WITH indices AS (
-    SELECT object, unnest(map_entries(quality)) AS entry
+    SELECT
+        object,
+        unnest(
+            list_append(
+                coalesce(map_entries(quality), []),
+                {key: 'force_closure', value: force_closure::INT::DOUBLE}
+            )
+        ) AS entry
     FROM grasps
     WHERE ($object IS NULL OR object = $object)
       AND ($subject IS NULL OR subject = $subject)

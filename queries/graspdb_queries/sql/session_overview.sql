@@ -12,7 +12,7 @@
 --   duration          length of all trials together [s]
 --   missing_fraction  share of hand-marker positions not seen, over all frames
 --   residual_rms      rms distance of hand markers to the tracked hand, over all frames [m]
---   worst_trial       trial with the largest residual
+--   worst_trial       trial with the largest residual, the first of several
 --   worst_residual    its residual [m]
 
 SELECT
@@ -24,7 +24,7 @@ SELECT
     sum(duration) AS duration,
     sum(missing_fraction * n_frames) / sum(n_frames) FILTER (missing_fraction IS NOT NULL) AS missing_fraction,
     sqrt(sum(residual_rms ** 2 * n_frames) / sum(n_frames) FILTER (residual_rms IS NOT NULL)) AS residual_rms,
-    arg_max(trial, residual_rms) AS worst_trial,
+    first(trial ORDER BY residual_rms DESC, trial) FILTER (residual_rms IS NOT NULL) AS worst_trial,
     max(residual_rms) AS worst_residual
 FROM trials
 WHERE $session IS NULL OR session = $session

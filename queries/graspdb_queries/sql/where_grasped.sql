@@ -1,4 +1,4 @@
--- Where is an object grasped: how often is each of its points touched, and how often enclosed?
+-- Where is an object grasped: how often is each of its points touched, covered by the hand, and enclosed?
 --
 -- Parameters:
 --   object  text = null    only the object of this name
@@ -15,17 +15,19 @@
 --   n_grasps         grasps of the object
 --   touched          share of the grasps with a contact within the radius
 --   contact_density  contacts within the radius, for each grasp and area of the disc of this radius [1/m2]
+--   covered          share of the grasps in which the hand's surface is nearer than the threshold of contact
 --   enclosed         share of the grasps whose feature has the point
 --
 -- Example: object=mug radius=0.015
 --
--- Points that no grasp touches or encloses have zeros, so the rows are the whole object, ready to be coloured.
+-- Points that no grasp touches, covers or encloses have zeros, so the rows are the whole object, ready to be coloured.
 
 WITH chosen AS (
-    SELECT grasp, object, cloud, object_ingest_id
-    FROM grasp_objects
-    WHERE ($object IS NULL OR object = $object)
-      AND ($subject IS NULL OR subject = $subject)
+    SELECT grasp, o.object, o.cloud, o.object_ingest_id, g.contact_threshold
+    FROM grasp_objects o
+    JOIN grasps g USING (grasp)
+    WHERE ($object IS NULL OR o.object = $object)
+      AND ($subject IS NULL OR o.subject = $subject)
 ),
 clouds AS (
     SELECT object, cloud, count(*) AS n_grasps, min(object_ingest_id) AS ingest_id
@@ -62,6 +64,16 @@ touched AS (
     WHERE distance(p.position, c.position) <= $radius
     GROUP BY object, cloud, point
 ),
+covered AS (
+    SELECT object, cloud, point, count(*) AS n_covered
+    FROM (
+        SELECT c.object, c.cloud, c.contact_threshold, unnest(points) AS point, unnest(gaps) AS gap
+        FROM contact_maps m
+        JOIN chosen c USING (grasp)
+    )
+    WHERE gap <= contact_threshold
+    GROUP BY object, cloud, point
+),
 enclosed AS (
     SELECT object, cloud, point, count(*) AS n_enclosed
     FROM (
@@ -81,8 +93,10 @@ SELECT
     n_grasps,
     coalesce(n_touched, 0) / n_grasps AS touched,
     coalesce(n_contacts, 0) / n_grasps / (pi() * $radius ** 2) AS contact_density,
+    coalesce(n_covered, 0) / n_grasps AS covered,
     coalesce(n_enclosed, 0) / n_grasps AS enclosed
 FROM points
 LEFT JOIN touched USING (object, cloud, point)
+LEFT JOIN covered USING (object, cloud, point)
 LEFT JOIN enclosed USING (object, cloud, point)
 ORDER BY object, cloud, point

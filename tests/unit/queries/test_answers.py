@@ -24,6 +24,33 @@ def near(value: float) -> Any:
     return pytest.approx(value, rel=1e-9, abs=1e-12)
 
 
+def test_contact_frequency(database: graspdb.Database) -> None:
+    rows = {row[:2]: row[2:] for row in database.query("contact_frequency").rows()}
+    assert rows["mug", "thumb_tip"] == ("thumb", 4, 4, 1.0)
+    assert rows["mug", "index_pip"] == ("index", 4, 1, 0.25)
+    assert rows["jug", "ring_tip"] == ("ring", 2, 2, 1.0)
+    assert ("jug", "index_tip") not in rows
+
+
+def test_digits_used(database: graspdb.Database) -> None:
+    assert database.query("digits_used").rows() == [
+        ("jug", "anna", "thumb+ring", 2, 1, 1.0),
+        ("jug", "ben", "thumb+ring", 2, 1, 1.0),
+        ("mug", "anna", "thumb+index", 2, 2, 1.0),
+        ("mug", "ben", "thumb+index", 2, 1, 0.5),
+        ("mug", "ben", "thumb+index+middle+ring+little", 5, 1, 0.5),
+    ]
+
+
+def test_session_overview(database: graspdb.Database) -> None:
+    anna, ben = database.query("session_overview").rows()
+    # Five trials of four frames, an eighth of the markers missing, and half of them in the rejected one.
+    assert anna[:6] == ("s", "anna", 5, 1, 3, near(0.15))
+    assert anna[6:] == (near((4 * 0.125 + 0.5) / 5), near(0.002), "s/anna_mug_1", 0.002)
+    assert ben[:6] == ("s", "ben", 4, 0, 3, near(0.12))
+    assert ben[6:] == (0.125, near(sqrt((3 * 0.002**2 + 0.006**2) / 4)), "s/ben_mug_2", 0.006)
+
+
 def test_feature_consistency(database: graspdb.Database) -> None:
     # Points of the mug: anna {0, 1, 2} and {1, 2, 3}, ben {2, 3}; of the jug: both {0, 1}.
     jug, within, between = database.query("feature_consistency").rows()
@@ -44,7 +71,8 @@ def test_where_grasped(database: graspdb.Database) -> None:
     assert [row[7] for row in rows] == [1.0, 1.0, 0.5, 1.0, 1.0]
     # Contacts on points 0 to 4: 3, 1, 1, 1 and 6; each counts for its neighbours too.
     assert [row[8] * 4 * pi * 0.015**2 for row in rows] == [near(n) for n in (4, 5, 3, 8, 7)]
-    assert [row[9] for row in rows] == [0.25, 0.5, 0.75, 0.5, 0.0]
+    assert [row[9] for row in rows] == [0.75, 0.25, 0.25, 0.25, 0.75]
+    assert [row[10] for row in rows] == [0.25, 0.5, 0.75, 0.5, 0.0]
     alone = database.query("where_grasped", object="mug", radius=0.005, subject="ben").rows()
     assert [row[7] for row in alone] == [0.5, 0.5, 0.0, 0.5, 0.5]
 
@@ -77,7 +105,9 @@ def test_hull_volume(database: graspdb.Database) -> None:
 
 
 def test_quality_by_object(database: graspdb.Database) -> None:
-    epsilon, volume = database.query("quality_by_object").rows()
+    epsilon, closed, open_, volume = database.query("quality_by_object").rows()
+    assert closed == ("mug", "force_closure", 4, 0.5, near(sqrt(1 / 3)), 0.0, 0.5, 1.0)
+    assert open_ == ("jug", "force_closure", 2, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert epsilon == ("mug", "epsilon", 3, near(0.2), near(0.1), 0.1, near(0.2), 0.3)
     assert volume == ("mug", "volume", 1, 0.01, None, 0.01, 0.01, 0.01)
 
@@ -136,7 +166,7 @@ def test_grasps_with_digits(database: graspdb.Database) -> None:
     assert found(digits="thumb+index", subject="ben") == ["s/ben_mug_1/right/0"]
     with pytest.raises(QueryError, match="no digit is called indx; there are thumb, index"):
         found(digits="thumb+indx")
-    with pytest.raises(ParameterError, match="digits.*no value"):
+    with pytest.raises(ParameterError, match=r"digits.*no value"):
         found()
     with pytest.raises(ParameterError, match="did you mean 'at_least'"):
         found(digits="thumb", match="at_leest")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from dexycb import read_grasps
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -18,7 +19,6 @@ from graspdb.database import Database
 from graspdb.store import Store
 from graspdb_ingest.descriptor import describe, descriptor_kind
 from graspdb_ingest.keypoint_rows import keypoint_rows, keypoint_session_rows
-from graspdb_ingest.keypoints import KeyPointGrasp, dimensions_of
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import load_surface
@@ -27,7 +27,6 @@ from graspdb_ingest.prepare import PreparedObject, prepare_object
 from graspdb_queries.similar.library import descriptors_of
 from graspdb_queries.similar.metric import learn_metric
 from graspdb_schemas.manifest import SessionObject
-from graspdb_schemas.vocabulary import Side
 
 LEAST_POINTS = 30
 """Features of fewer points are too small to be told apart."""
@@ -39,18 +38,7 @@ Vectors = NDArray[np.float32]
 def build(data: Path, folder: Path, every: int = 1, workers: int = 2) -> None:
     """Write every n-th grasp of every object into a database."""
     parameters = IngestParameters()
-    with np.load(data / "grasps.npz") as arrays:
-        points = {
-            name.removesuffix(".joints_m"): arrays[name].astype(float)[::every] for name in arrays.files
-        }
-    dimensions = dimensions_of(np.concatenate(list(points.values())))
-    grasps = {
-        name: [
-            KeyPointGrasp("dexycb", f"{name}_{i * every}", "hand", Side.RIGHT, sites, dimensions)
-            for i, sites in enumerate(found)
-        ]
-        for name, found in points.items()
-    }
+    grasps = {name: found[::every] for name, found in read_grasps(data).items()}
     store = Store.create_or_open(folder)
     with Parallel(n_jobs=workers) as parallel:
         prepared = parallel(delayed(_prepare)(data, name, parameters) for name in grasps)

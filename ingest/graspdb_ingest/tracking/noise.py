@@ -1,0 +1,253 @@
+"""How a hand moves and how its markers stray, estimated from recordings of it.
+
+The likelihood of the filter's innovations is maximised over a few scales, with a weak prior about
+the assumed ones. Its gradient is exact and comes with the backward pass: that pass's adjoint vector
+and matrix are the derivatives of the log likelihood by each prediction's mean and covariance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize
+
+from graspdb_ingest.hand.kinematics import Kinematics
+from graspdb_ingest.hand.model import Floats, HandModel
+from graspdb_ingest.hand.posture import PosturePrior
+from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.filter import HandFilter, State, Update
+from graspdb_ingest.tracking.fit import FREE, SEVEN, fit_frame, visible
+from graspdb_ingest.tracking.motion import (
+    Blocks,
+    MotionModel,
+    MotionNoise,
+    from_blocks,
+    left_half,
+    motion_model,
+    to_blocks,
+)
+from graspdb_ingest.tracking.smoother import ForwardPass
+
+SCALE_SD: Final = 1.0
+"""Spread of the logarithm of a scale about the assumed one."""
+GOLDEN: Final = (5**0.5 - 1) / 2
+WINDOWS: Final = 10
+WINDOW_TIME: Final = 0.7
+"""Length of a window that the estimate uses [s]."""
+WINDOW_RATE: Final = 60.0
+"""Rate to which windows are thinned: scales are those of continuous time [Hz]."""
+MAXIMUM_EVALUATIONS: Final = 10
+PERTURBATION: Final = 1e-4
+MINIMUM_KEPT: Final = 0.3
+"""A window in which fewer of the markers are seen and fit tells nothing."""
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A stretch of a recording, thinned, and where the hand is at its first frame."""
+
+    markers: Floats
+    step: float
+    start: Floats
+
+
+def estimate_noise(
+    hand: HandModel,
+    recordings: Sequence[tuple[Floats, float]],
+    prior: PosturePrior,
+    parameters: TrackingParameters,
+) -> MotionNoise:
+    """Estimate the scales of movement and marker noise from recordings of a hand.
+
+    Parameters
+    ----------
+    hand : HandModel
+        The calibrated hand.
+    recordings : sequence of (ndarray of shape (n_frames, n_markers, 3), float)
+        Marker positions [m], NaN where not seen, and frames per second [Hz].
+    prior : PosturePrior
+        Where joints usually are.
+    parameters : TrackingParameters
+        The scales to start from, which are also the middle of their priors.
+
+    Returns
+    -------
+    MotionNoise
+        The scales; the assumed ones where no stretch of a recording shows the hand.
+    """
+    assumed = MotionNoise.assumed(parameters)
+    kinematics = Kinematics(hand)
+    windows = _choose_windows(kinematics, recordings, prior, parameters)
+    if not windows:
+        return assumed
+    middle = np.log(astuple(assumed))
+
+    def negative(scales: Floats) -> tuple[float, Floats]:
+        noise = MotionNoise(*np.exp(scales))
+        parts = [_likelihood(kinematics, window, prior, noise) for window in windows]
+        away = (scales - middle) / SCALE_SD
+        value = away @ away / 2 - sum(value for value, _ in parts)
+        return float(value), away / SCALE_SD - sum(score for _, score in parts)
+
+    found = minimize(
+        negative,
+        middle,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(m - 4 * SCALE_SD, m + 4 * SCALE_SD) for m in middle],
+        options={"maxfun": MAXIMUM_EVALUATIONS, "ftol": 1e-4},
+    )
+    return MotionNoise(*np.exp(found.x).tolist())
+
+
+def _choose_windows(
+    kinematics: Kinematics,
+    recordings: Sequence[tuple[Floats, float]],
+    prior: PosturePrior,
+    parameters: TrackingParameters,
+) -> list[_Window]:
+    """Return windows spread over all recordings as evenly as may be, their faulty markers left out.
+
+    Multiples of the golden ratio fall into rest and movement alike, however long a trial's phases are.
+    """
+    sd = np.full(len(kinematics.hand.markers), parameters.marker_sd)
+    if not recordings:
+        return []
+    durations = np.array([len(markers) / rate for markers, rate in recordings])
+    ends = np.cumsum(durations)
+    windows = []
+    for number in range(WINDOWS):
+        time = ends[-1] * (0.5 + number * GOLDEN) % ends[-1]
+        which = int(np.searchsorted(ends, time, side="right"))
+        markers, rate = recordings[which]
+        stride = max(1, round(rate / WINDOW_RATE))
+        length = round(WINDOW_TIME * rate)
+        first = min(round((time - ends[which] + durations[which]) * rate), max(0, len(markers) - length))
+        part = markers[first : first + length : stride]
+        enough = visible(part).sum(axis=1) >= parameters.minimum_start_markers
+        if enough.any():
+            part = part[int(np.argmax(enough)) :]
+            start = fit_frame(kinematics, part[0], prior, sd)
+            windows.append(_Window(part, stride / rate, start.q))
+    noise = MotionNoise.assumed(parameters)
+    gated = (_without_faults(kinematics, window, prior, noise, parameters.gate) for window in windows)
+    return [window for window in gated if visible(window.markers).mean() > MINIMUM_KEPT]
+
+
+def _without_faults(
+    kinematics: Kinematics, window: _Window, prior: PosturePrior, noise: MotionNoise, gate: float
+) -> _Window:
+    """Return the window with the markers that do not pass the gate taken out, so that none needs it later."""
+    kept = window.markers.copy()
+    for i, (_, update) in enumerate(_forward(kinematics, window, prior, noise, gate)):
+        kept[i, ~update.used] = np.nan
+    return _Window(kept, window.step, window.start)
+
+
+def _forward(
+    kinematics: Kinematics, window: _Window, prior: PosturePrior, noise: MotionNoise, gate: float
+) -> list[tuple[State, Update]]:
+    """Return prediction and correction of every frame; a gate of 1 lets all markers pass."""
+    hand = kinematics.hand
+    motion = motion_model(hand, prior, noise, window.step)
+    filter_ = HandFilter(kinematics, motion, prior, np.full(len(hand.markers), noise.marker_sd), gate)
+    state, passed = filter_.start(window.start), []
+    for i, observed in enumerate(window.markers):
+        predicted = filter_.predict(state) if i else state
+        update = filter_.update(predicted, observed, gated=i > 0)
+        passed.append((predicted, update))
+        state = update.state
+    return passed
+
+
+def _likelihood(
+    kinematics: Kinematics, window: _Window, prior: PosturePrior, noise: MotionNoise
+) -> tuple[float, Floats]:
+    """Return the log likelihood of a window and its derivatives by the logarithms of the scales."""
+    hand, logs = kinematics.hand, np.log(astuple(noise))
+    passed = _forward(kinematics, window, prior, noise, gate=1.0)
+    forward = ForwardPass(len(passed), hand.n_dof)
+    value = 0.0
+    for observed, (predicted, update) in zip(window.markers, passed, strict=True):
+        forward.append(predicted, update)
+        value += _log_density(kinematics, observed, predicted, update, noise.marker_sd)
+    motion = motion_model(hand, prior, noise, window.step)
+    perturbed = []
+    for i in range(len(logs) - 1):
+        moved = logs.copy()
+        moved[i] += PERTURBATION
+        perturbed.append(motion_model(hand, prior, MotionNoise(*np.exp(moved)), window.step))
+    score = np.zeros(len(logs))
+    for i, adjoint, matrix in forward.backward(motion):
+        predicted, update = passed[i]
+        observed, sd = window.markers[i], noise.marker_sd
+        score[-1] += _noise_score(kinematics, observed, predicted, update, adjoint, matrix, sd)
+        if i:
+            state = passed[i - 1][1].state
+            score[:-1] += _motion_scores(state, prior, motion, perturbed, adjoint, matrix)
+    return value, score
+
+
+def _log_density(
+    kinematics: Kinematics, observed: Floats, predicted: State, update: Update, marker_sd: float
+) -> float:
+    """Return the log density of a frame's innovation y, without the constant of the normal distribution.
+
+    With S the innovation's covariance, det S follows from the matrix determinant lemma, and
+    y^T S^-1 y is what the correction leaves of the markers' residuals and what it costs itself.
+    """
+    if not update.used.any():
+        return 0.0
+    kinematics.move(update.state.q)
+    residual = (observed - kinematics.markers)[update.used].ravel()
+    covariance = predicted.position_covariance
+    _, shrunk = np.linalg.slogdet(np.eye(len(covariance)) - update.inverse @ covariance)
+    squared = residual @ residual / marker_sd**2 + update.weighted @ covariance @ update.weighted
+    return float(shrunk - squared) / 2 - len(residual) * float(np.log(marker_sd))
+
+
+def _noise_score(
+    kinematics: Kinematics,
+    observed: Floats,
+    predicted: State,
+    update: Update,
+    adjoint: Floats,
+    matrix: Blocks,
+    marker_sd: float,
+) -> float:
+    """Return the derivative of the log likelihood by the logarithm of the markers' standard deviation.
+
+    By Fisher's identity: the expected squared residuals, smoothed, against what they should be.
+    """
+    if not update.used.any():
+        return 0.0
+    left = left_half(predicted.blocks)
+    kinematics.move(kinematics.hand.integrate(predicted.q, -(adjoint @ left)))
+    residual = (observed - kinematics.markers)[update.used].ravel()
+    rows = kinematics.marker_jacobian()[update.used].reshape(len(residual), -1)
+    covariance = predicted.position_covariance - left.T @ from_blocks(matrix) @ left
+    expected = residual @ residual + np.sum((rows @ covariance) * rows)
+    return float(expected / marker_sd**2 - len(residual))
+
+
+def _motion_scores(
+    state: State,
+    prior: PosturePrior,
+    motion: MotionModel,
+    perturbed: Sequence[MotionModel],
+    adjoint: Floats,
+    matrix: Blocks,
+) -> Floats:
+    """Return the derivatives of the log likelihood by the logarithms of the scales of one step."""
+    offset = np.zeros(len(state.velocity))
+    offset[FREE:] = state.q[SEVEN:] - prior.mean
+    mean = np.concatenate(motion.predict_mean(offset, state.velocity))
+    blocks = motion.predict_covariance(state.blocks)
+    slope = to_blocks(np.outer(adjoint, adjoint)) - matrix
+    scores = []
+    for other in perturbed:
+        by_mean = np.concatenate(other.predict_mean(offset, state.velocity)) - mean
+        by_covariance = other.predict_covariance(state.blocks) - blocks
+        scores.append(np.vdot(slope, by_covariance) / 2 - adjoint @ by_mean)
+    return np.array(scores) / PERTURBATION

@@ -1,0 +1,83 @@
+"""One grasp from gaps to quality, real grasps with a feature, and the paper's first experiment."""
+
+import os
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import numpy as np
+from harness import Result, benchmark
+
+sys.path.append(str(Path(__file__).parents[1]))
+from dexycb import find_all, prepare_objects, read_grasps
+
+import graspdb
+from graspdb.ingestion import ingest
+from graspdb.simulate import simulate_session
+from graspdb.validation.contacts import contact_errors
+from graspdb_ingest.keypoints import static_grasp
+from graspdb_ingest.parameters import IngestParameters
+
+DATA = Path(os.environ.get("GRASPDB_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
+GRASPS = DATA / "dexycb-grasps"
+
+
+@benchmark("grasp quality")
+def one_grasp() -> list[Result]:
+    """Time contacts, hull, feature and quality of real grasps, one by one."""
+    if not GRASPS.is_dir():
+        return []
+    parameters = IngestParameters()
+    objects = prepare_objects(GRASPS, parameters)
+    seconds = []
+    for name, grasps in read_grasps(GRASPS).items():
+        for described in grasps[::4]:
+            tries = []
+            for _ in range(3):
+                start = process_time()
+                static_grasp(described, objects[name], parameters)
+                tries.append(process_time() - start)
+            seconds.append(min(tries))
+    note = f"bar 20 ms; CPU time, least of three, {len(seconds)} real grasps"
+    return [
+        Result(
+            "hull, feature and quality of a grasp, median",
+            1e3 * float(np.median(seconds)),
+            None,
+            "ms",
+            note=note,
+        ),
+        Result(
+            "the same, 95 % of the grasps", 1e3 * float(np.quantile(seconds, 0.95)), None, "ms", note=note
+        ),
+    ]
+
+
+@benchmark("real grasps with a feature")
+def real_features() -> list[Result]:
+    """Count real grasps whose feature has 30 points or more."""
+    if not GRASPS.is_dir():
+        return []
+    points = np.array([len(grasp.feature.points) for _, _, grasp in find_all(GRASPS)])
+    share = float(100 * np.mean(points >= 30))
+    note = f"bar 96 %; {np.sum(points >= 30)} of {len(points)} grasps of DexYCB"
+    return [Result("grasps with a feature of 30 points", share, None, "%", better="more", note=note)]
+
+
+@benchmark("first experiment")
+def first_experiment() -> list[Result]:
+    """Simulate four pairs of digits, three subjects, five trials each, and validate their contact points."""
+    with TemporaryDirectory() as folder:
+        session = simulate_session(Path(folder) / "s", subjects=3, trials=5, experiment="force_panels")
+        ingest(session.path, Path(folder) / "db", workers=os.cpu_count() or 1)
+        with graspdb.open(Path(folder) / "db") as database:
+            errors = contact_errors(database)
+    results = []
+    for title, name in (("all contact points", "all_points"), ("most distal contact point", "most_distal")):
+        means = np.array([getattr(error, name).mean for error in errors])
+        note = "bar 3 mm; peer: the paper's Table I, mean 3.7, 2.1 to 5.0 mm"
+        greatest, mean = 1e3 * float(means.max()), 1e3 * float(means.mean())
+        results.append(Result(f"greatest mean error, {title}", greatest, 5.0, "mm", note=note))
+        results.append(Result(f"mean error, {title}", mean, 3.74, "mm", note=note))
+    return results
