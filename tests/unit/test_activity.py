@@ -54,7 +54,7 @@ def test_marker_noise_is_found(hand, waving):
     assert found.marker_sd == pytest.approx(0.002, rel=0.15)
 
 
-def test_marker_noise_is_never_believed_to_be_less_than_skin_movement(hand, waving):
+def test_marker_noise_is_never_believed_to_be_less_than_skin_movement(hand):
     prior = default_prior(hand)
     still = np.tile(hand.forward(hand.neutral()).markers, (90, 1, 1))
     assert estimate_noise(hand, [(still, RATE)], prior, TrackingParameters()).marker_sd >= 0.999 * SLOW_SD

@@ -18,8 +18,8 @@ WINDOW: Final = 0.1
 """Standard deviation of the window in time [s]."""
 PRIOR_COUNT: Final = 0.3
 """Degrees of freedom with which the expected movement is believed."""
-EXPONENT: Final = 2.0
-"""The score by itself tells of a change less than there is, as the markers' noise hides part of it."""
+EXPONENT: Final = 2.6
+"""A pass with too much noise tells of a change less than there is; this makes up for it."""
 FIRST: Final = 8.0
 """Share of the process noise with which a recording is passed first: enough for the fastest movements."""
 HIDDEN: Final = 0.3
