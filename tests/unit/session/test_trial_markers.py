@@ -136,9 +136,7 @@ def test_a_file_with_none_of_the_markers_lists_what_it_has() -> None:
 
 def test_a_marker_with_its_side_and_without_is_refused_where_one_hand_is_recorded() -> None:
     recording = recording_of(["nail", "right_nail", "top"])
-    with pytest.raises(
-        RecordingError, match="'nail' and 'right_nail' both stand for 'nail'"
-    ):
+    with pytest.raises(RecordingError, match="'nail' and 'right_nail' both stand for 'nail'"):
         select_markers(recording, session_of(), trial_of())
     both = select_markers(recording, session_of((Side.RIGHT, Side.LEFT)), trial_of())
     assert both.unused == ("nail", "top")
