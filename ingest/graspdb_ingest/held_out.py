@@ -172,14 +172,12 @@ def draw_gaps(
         for trial, shown in seen.items():
             length = max(1, round(seconds * rates[trial]))
             # a frame in which it is seen on either side, or the gap would be longer than asked for
-            count = np.concatenate([[0], np.cumsum(shown[:, marker])])
-            whole = length + 2
-            starts = (
-                np.flatnonzero(count[whole:] - count[:-whole] == whole) + 1 if len(shown) >= whole else []
-            )
-            room.extend(Gap(trial, marker, int(start), int(start) + length) for start in starts)
-        chosen = rng.choice(len(room), size=min(n_gaps, len(room)), replace=False) if room else []
-        gaps.extend(room[int(i)] for i in chosen)
+            count, whole = np.concatenate([[0], np.cumsum(shown[:, marker])]), length + 2
+            if len(shown) < whole:
+                continue
+            starts = (np.flatnonzero(count[whole:] - count[:-whole] == whole) + 1).tolist()
+            room.extend(Gap(trial, marker, start, start + length) for start in starts)
+        gaps.extend(room[int(i)] for i in rng.permutation(len(room))[:n_gaps])
     return tuple(gaps[int(i)] for i in rng.permutation(len(gaps)))
 
 

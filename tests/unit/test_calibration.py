@@ -10,6 +10,7 @@ from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand, choose_frames
+from graspdb_ingest.tracking.frame_choice import sample_frames
 from graspdb_ingest.tracking.geometry import HandGeometry
 from graspdb_ingest.tracking.tracker import track_hand
 from graspdb_schemas.errors import TrackingError
@@ -171,3 +172,39 @@ def test_too_few_frames_are_refused_with_their_number(hands, dorsal_markers):
     markers[7:, 3:] = np.nan
     with pytest.raises(TrackingError, match=r"only 7 frames show 6 or more of the hand's 24 markers"):
         calibrate_hand(hand, dorsal_markers, [markers], default_prior(hand), SD)
+
+
+def test_true_lengths_lie_within_the_stated_deviations(case):
+    found, true = case.calibration.hand.segment_lengths, case.true.segment_lengths
+    z = np.array([(found[s] - true[s]) / sd for s, sd in case.calibration.length_sd.items()])
+    print(f"{case.assumed.side}: lengths' errors over their deviations, rms {np.sqrt(np.mean(z**2)):.2f}")
+    assert set(case.calibration.length_sd) == set(true)
+    assert np.mean(np.abs(z) < 2) >= 0.8
+    assert np.sqrt(np.mean(z**2)) > 0.1  # nor is everything said to be unsure
+
+
+def test_lengths_that_nothing_tells_are_anthropometrys_and_said_to_be(hands, dorsal_markers):
+    hand = hands[Side.RIGHT]
+    markers = hand.forward(movement(hand, np.random.default_rng(2))[::6]).markers
+    markers[:, [i for i, label in enumerate(hand.markers) if label.startswith("little")]] = np.nan
+    notes = calibrate_hand(hand, dorsal_markers, [markers], default_prior(hand), SD).notes
+    assert any("never seen" in note and "little_tip" in note for note in notes)
+    assert any("little_proximal" in note and "index_proximal" not in note for note in notes)
+
+
+def test_still_hand_is_refused_where_markers_have_to_be_found(hands, dorsal_markers):
+    hand, rng = hands[Side.RIGHT], np.random.default_rng(7)
+    q = movement(hand, rng)
+    q[:, 7:] = q[0, 7:]
+    markers = hand.forward(q).markers + rng.normal(0, NOISE, (len(q), 24, 3))
+    placements = dorsal_markers | {"index_tip": MarkerPlacement("index_distal")}
+    with pytest.raises(TrackingError, match=r"posture hardly changes.*index_tip"):
+        calibrate_hand(hand, placements, [markers], default_prior(hand), SD)
+
+
+def test_sampling_keeps_all_of_few_frames_and_few_of_all():
+    recordings = [np.random.default_rng(i).normal(size=(n, 5, 3)) for i, n in enumerate((40, 70))]
+    assert np.array_equal(sample_frames(recordings, 200), np.concatenate(recordings))
+    some = sample_frames((np.full((1000, 5, 3), float(i)) for i in range(20)), 300)
+    assert 100 <= len(some) <= 300
+    assert set(some[:, 0, 0]) == set(range(20))

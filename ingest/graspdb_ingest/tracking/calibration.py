@@ -131,8 +131,8 @@ def _check_movement(
 
 
 def _notes(geometry: HandGeometry, length_sd: Mapping[str, float], frames: Floats) -> Iterable[str]:
-    shown = visible(frames).any(axis=0).tolist()
-    unseen = [label for label, seen in zip(geometry.hand.markers, shown, strict=True) if not seen]
+    counts = visible(frames).sum(axis=0)
+    unseen = [label for i, label in enumerate(geometry.hand.markers) if counts[i] == 0]
     if unseen:
         yield f"never seen, left where the manifest puts them: {', '.join(unseen)}"
     usual = geometry.length_sd(np.zeros(geometry.n_parameters), np.diag(geometry.prior_sd**2))
