@@ -1,5 +1,6 @@
 """Parts and objects from outside, described as those of a database are."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -8,7 +9,7 @@ import numpy as np
 from graspdb_ingest.descriptor import describe, descriptor_kind
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
-from graspdb_ingest.objects.mesh import load_surface
+from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.parameters import CloudParameters
 from graspdb_queries.similar.metric import Vectors
 from graspdb_queries.similar.part import Part
@@ -17,6 +18,9 @@ from graspdb_schemas.errors import ObjectError
 
 LEAST_POINTS: Final = 10
 """Fewer points than this, at the spacing of clouds, are no surface to describe."""
+
+_DECIMALS: Final = 8
+"""Decimals of a metre that positions are rounded to before sampling: 10 nm."""
 
 LARGEST_PART: Final = 0.5
 """Largest extent of what a hand encloses [m]."""
@@ -50,7 +54,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
             f"its largest extent is {largest:.4g} m; a hand encloses at most {LARGEST_PART:g} m",
             "Check --units, or cut out the part that is meant.",
         )
-    cloud = sample_cloud(surface, parameters)
+    cloud = _sampled(surface, parameters)
     if len(cloud.points) < LEAST_POINTS:
         raise ObjectError(
             path,
@@ -71,6 +75,27 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
         contacts=np.empty((0, 3)),
         inside=False,
     )
+
+
+def _sampled(surface: Surface, parameters: CloudParameters) -> ObjectCloud:
+    """Return a surface's cloud, with the same points wherever and however the surface lies.
+
+    Sampling depends on the frame; so it is done in the surface's own, along its principal axes, each
+    pointing where the points reach further.
+    """
+    centre = surface.vertices.mean(axis=0)
+    offsets = surface.vertices - centre
+    axes = np.linalg.eigh(offsets.T @ offsets)[1]
+    axes[:, :2] *= np.where(((offsets @ axes[:, :2]) ** 3).sum(axis=0) < 0, -1.0, 1.0)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    own = replace(
+        surface,
+        # Rounded far below what anybody measures, so that the last bits of a motion do not matter.
+        vertices=np.round(offsets @ axes, _DECIMALS),
+        normals=None if surface.normals is None else surface.normals @ axes,
+    )
+    cloud = sample_cloud(own, parameters)
+    return replace(cloud, points=cloud.points @ axes.T + centre, normals=cloud.normals @ axes.T)
 
 
 def _described(cloud: ObjectCloud, parameters: CloudParameters) -> tuple[Vectors, Vectors]:

@@ -8,6 +8,9 @@ from scipy.spatial import cKDTree
 from graspdb_ingest.rigid import Array
 
 MOST_NEIGHBOURS: Final = 96
+PASSES: Final = 2
+"""The first pass measures heights along normals that noise has tilted; the second along better ones."""
+
 BATCH: Final = 20_000
 """Points smoothed at a time, so that memory stays bounded."""
 
@@ -35,12 +38,14 @@ def smoothed(points: Array, normals: Array, radius: float) -> tuple[Array, Array
     tuple of ndarray, shape (n, 3)
         Positions [m] and unit normals.
     """
-    tree = cKDTree(points)
-    moved, turned = np.empty_like(points), np.empty_like(normals)
-    for start in range(0, len(points), BATCH):
-        some = slice(start, start + BATCH)
-        moved[some], turned[some] = _fitted(points, normals, tree, some, radius)
-    return moved, turned
+    for _ in range(PASSES):
+        tree = cKDTree(points)
+        moved, turned = np.empty_like(points), np.empty_like(normals)
+        for start in range(0, len(points), BATCH):
+            some = slice(start, start + BATCH)
+            moved[some], turned[some] = _fitted(points, normals, tree, some, radius)
+        points, normals = moved, turned
+    return points, normals
 
 
 def _fitted(points: Array, normals: Array, tree: cKDTree, some: slice, radius: float) -> tuple[Array, Array]:
@@ -58,7 +63,8 @@ def _fitted(points: Array, normals: Array, tree: cKDTree, some: slice, radius: f
     offsets = (points[index] - centres[:, None]) / radius
     x, y, height = (np.einsum("nki,ni->nk", offsets, axis) for axis in (across, along, up))
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    stiff = np.diag([0, 0, 0, _STIFFNESS, _STIFFNESS, _STIFFNESS]) + 1e-9 * np.eye(6)
+    # Half for the mixed term: then it is the size of the curvature tensor, whatever the axes.
+    stiff = np.diag([0, 0, 0, _STIFFNESS, _STIFFNESS / 2, _STIFFNESS]) + 1e-12 * np.eye(6)
     weighed = weights[..., None] * terms
     moments = weighed.swapaxes(1, 2) @ terms + stiff
     heights = np.einsum("nka,nk->na", weighed, height)

@@ -17,7 +17,7 @@ from graspdb_queries.similar.part import Part
 
 Floats = NDArray[np.float64]
 
-ITERATIONS: Final = (5, 12)
+ITERATIONS: Final = (4, 10)
 """Steps of all starts, then of the best ones."""
 
 KEPT_STARTS: Final = 2
@@ -148,25 +148,39 @@ def _closest_points(source: Floats, targets: Floats, poses: Poses, steps: int) -
     tuple of Poses and ndarray of shape (n, s)
         The poses, and the mean squared distance of the points kept [m2].
     """
-    m, k = len(source), targets.shape[1]
+    n, k = targets.shape[:2]
+    m, n_starts = len(source), poses.positions.shape[1]
+    centres = targets.mean(axis=1)
+    right = _right_factor(targets - centres[:, None])
+    rows = np.arange(n)[:, None, None]
     for step in range(steps + 1):
         moved = source @ poses.rotations.swapaxes(-1, -2) + poses.positions[..., None, :]
-        squared = _squared(moved.astype(np.float32), targets[:, None].astype(np.float32))
+        left = _left_factor((moved - centres[:, None, None]).reshape(n, -1, 3))
+        squared = (left @ right).reshape(n, n_starts, m, k)
         to_target, to_source = squared.argmin(axis=3), squared.argmin(axis=2)
-        near = np.take_along_axis(squared, to_target[..., None], axis=3)[..., 0]
-        far = np.take_along_axis(squared, to_source[:, :, None], axis=2)[:, :, 0]
+        near, far = squared.min(axis=3), squared.min(axis=2)
         forth, back = _nearest_share(near), _nearest_share(far)
         if step == steps:
             break
         sources = np.concatenate([np.broadcast_to(source, moved.shape), source[to_source]], axis=2)
-        rows = np.arange(len(targets))[:, None, None]
-        found = np.concatenate(
-            [targets[rows, to_target], np.broadcast_to(targets[:, None], (*moved.shape[:2], k, 3))], axis=2
-        )
-        weights = np.concatenate([forth / m, back / k], axis=2)
-        poses = _rigid(sources, found, weights)
+        onto = np.broadcast_to(targets[:, None], (n, n_starts, k, 3))
+        found = np.concatenate([targets[rows, to_target], onto], axis=2)
+        poses = _rigid(sources, found, np.concatenate([forth / m, back / k], axis=2))
     cost = (near * forth).sum(axis=2) / forth.sum(axis=2) + (far * back).sum(axis=2) / back.sum(axis=2)
     return poses, np.asarray(cost, dtype=np.float64)
+
+
+def _left_factor(points: Floats) -> NDArray[np.float32]:
+    """Return what makes, multiplied by `_right_factor`, squared distances, shape (..., m, 5)."""
+    squares = (points**2).sum(axis=-1, keepdims=True)
+    return np.concatenate([-2 * points, squares, np.ones_like(squares)], axis=-1).astype(np.float32)
+
+
+def _right_factor(points: Floats) -> NDArray[np.float32]:
+    """Return the other factor, shape (..., 5, k)."""
+    squares = (points**2).sum(axis=-1, keepdims=True)
+    factor = np.concatenate([points, np.ones_like(squares), squares], axis=-1).astype(np.float32)
+    return np.ascontiguousarray(factor.swapaxes(-1, -2))
 
 
 def _nearest_share(squared: NDArray[np.float32]) -> Floats:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 Floats = NDArray[np.float64]
 
 SPARSE_POINTS: Final = 64
-DENSE_POINTS: Final = 192
+DENSE_POINTS: Final = 128
 SCORED_POINTS: Final = 400
 
 
@@ -92,8 +92,8 @@ def _spread(points: Floats, count: int) -> NDArray[np.int64]:
     """Return `count` points, each as far from those before it as may be; all again where there are fewer."""
     if len(points) <= count:
         return np.resize(np.arange(len(points)), count)
-    if len(points) > 4 * count:
-        step = np.linspace(0, len(points) - 1, 4 * count).round().astype(np.int64)
+    if len(points) > 3 * count:
+        step = np.linspace(0, len(points) - 1, 3 * count).round().astype(np.int64)
         return step[_spread(points[step], count)]
     chosen = np.empty(count, dtype=np.int64)
     reach = np.sum((points - points.mean(axis=0)) ** 2, axis=1)

@@ -1,14 +1,14 @@
 """Exact search for the nearest vectors: in single precision first, then exactly where that cannot decide."""
 
-import os
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from graspdb_queries.similar.threads import in_threads
 
 Vectors = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -133,11 +133,5 @@ def _rough(vectors: Vectors, squares: Vectors, query: Vectors) -> Vectors:
         np.matmul(vectors[some], twice, out=rough[some])
         rough[some] += squares[some]
 
-    starts = range(0, len(vectors), BLOCK)
-    if len(starts) <= 1:
-        for start in starts:
-            fill(start)
-    else:
-        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-            list(pool.map(fill, starts))
+    in_threads(fill, range(0, len(vectors), BLOCK))
     return rough

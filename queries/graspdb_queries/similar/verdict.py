@@ -1,14 +1,11 @@
 """Close comparison of candidates: alignment, distances of surfaces and contacts, costs, ranks."""
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from graspdb_queries.engine import Engine
 from graspdb_queries.similar.align import CHUNK, Poses, align, held_poses
@@ -18,6 +15,7 @@ from graspdb_queries.similar.hands import contact_distances, posture_distances, 
 from graspdb_queries.similar.library import hands_by_key
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.question import Question, Respect
+from graspdb_queries.similar.threads import in_threads
 
 Floats = NDArray[np.float64]
 
@@ -117,8 +115,7 @@ def lay(query: Part | None, candidates: Sequence[Part], mode: str) -> dict[str, 
             for part, matrix in zip(group, matrices, strict=True)
         ]
 
-    with threadpool_limits(1), ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        return dict(entry for found in pool.map(work, groups) for entry in found)
+    return dict(entry for found in in_threads(work, groups) for entry in found)
 
 
 def _contacts(engine: Engine, keys: Sequence[str]) -> dict[str, Floats]:
