@@ -75,7 +75,9 @@ def _read_ply(path: Path) -> dict[str, Any]:
     mesh: Any = trimesh.load(path, process=False)
     arrays: dict[str, Any] = {"positions": np.asarray(mesh.vertices)}
     raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    if raw is not None and "contact" in (raw.dtype.names or ()):
+    # A text file's columns come as a mapping, a binary file's as a structured array.
+    names = raw if isinstance(raw, dict) else getattr(getattr(raw, "dtype", None), "names", None)
+    if raw is not None and "contact" in (names or ()):
         arrays["contact"] = np.asarray(raw["contact"], dtype=float).reshape(-1)
     if len(getattr(mesh, "faces", ())):
         arrays["faces"] = np.asarray(mesh.faces)

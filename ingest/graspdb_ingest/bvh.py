@@ -87,7 +87,7 @@ def read_bvh(path: Path, scale: float) -> BvhMotion:
     try:
         joints = tuple(_skeleton(iter(head.split())))
         rate, values = _frames(body)
-    except (StopIteration, ValueError, IndexError) as error:
+    except (RuntimeError, ValueError, IndexError) as error:
         raise RecordingError(path, "it is not a BVH file", "Export the motion again.") from error
     n_channels = sum(len(joint.channels) for joint in joints)
     if not motion or values.shape[1:] != (n_channels,) or not np.isfinite(values).all():
@@ -100,8 +100,8 @@ def read_bvh(path: Path, scale: float) -> BvhMotion:
 
 
 def _skeleton(words: Iterator[str]) -> Iterator[Joint]:
-    """Yield the joints of a hierarchy."""
-    if next(words) != "HIERARCHY":
+    """Yield the joints of a hierarchy; one that breaks off raises RuntimeError, as generators do."""
+    if next(words, "") != "HIERARCHY":
         raise ValueError("no hierarchy")
     stack: list[int] = []
     number, name, names = -1, "", list[str]()
