@@ -23,6 +23,9 @@ def ingest(
         Path | None, typer.Option(help="Folder of the manifest's files, if not the session's own.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Ingest unchanged trials too.")] = False,
+    surface: Annotated[
+        str, typer.Option(metavar="NAME", help="Surface of the hand: spheres, capsules or skin.")
+    ] = "spheres",
     as_json: Json = False,
 ) -> None:
     """Turn sessions into rows: track, find contacts and features, commit trial by trial.
@@ -31,7 +34,7 @@ def ingest(
     reasons, and the exit status is 1.
     """
     reports = [
-        run_with_progress(session, db, workers=workers, data_root=data_root, force=force)
+        run_with_progress(session, db, workers=workers, data_root=data_root, force=force, surface=surface)
         for session in sessions
     ]
     if as_json:
@@ -44,14 +47,22 @@ def ingest(
 
 
 def run_with_progress(
-    session: Path, db: Path, *, workers: int, data_root: Path | None = None, force: bool = False
+    session: Path,
+    db: Path,
+    *,
+    workers: int,
+    data_root: Path | None = None,
+    force: bool = False,
+    surface: str = "spheres",
 ) -> "IngestReport":
     """Ingest a session with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from graspdb.ingestion import TrialReport, ingest
+    from graspdb_ingest.parameters import ContactParameters, IngestParameters
 
+    parameters = IngestParameters(contact=ContactParameters(surface=surface))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         bar = bars.add_task(f"{session}: preparing", total=None)
@@ -59,7 +70,15 @@ def run_with_progress(
         def advance(report: TrialReport, total: int) -> None:
             bars.update(bar, total=total, advance=1, description=report.trial)
 
-        return ingest(session, db, workers=workers, data_root=data_root, force=force, progress=advance)
+        return ingest(
+            session,
+            db,
+            workers=workers,
+            data_root=data_root,
+            force=force,
+            parameters=parameters,
+            progress=advance,
+        )
 
 
 def summary(report: "IngestReport") -> str:

@@ -80,6 +80,8 @@ def _print(found: "Sequence[MapValidation]") -> None:
 
     at = [f"{1000 * one.threshold:g} mm" for one in found[0].at]
     table = Table("surface", "gap", "AUC", "best F1", "at", *at, box=None, pad_edge=False)
+    for column in table.columns:
+        column.no_wrap = True
     for row in found:
         cells = [f"{one.precision:.2f} {one.recall:.2f} {one.f1:.2f}" for one in row.at]
         best = (f"{row.auc:.3f}", f"{row.best.f1:.3f}", f"{1000 * row.best.threshold:.1f} mm")

@@ -110,7 +110,7 @@ def _normals(path: Path, arrays: Mapping[str, Any], positions: Floats) -> Floats
         normals = np.asarray(arrays["normals"], dtype=float)
         if normals.shape != positions.shape:
             raise MeasuredMapError(path, f"normals of shape {normals.shape}", f"Give {positions.shape}.")
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))
     if "faces" in arrays:
         faces = np.asarray(arrays["faces"], dtype=np.int64)
         if faces.ndim != 2 or faces.shape[1] != 3 or faces.min() < 0 or faces.max() >= len(positions):
@@ -118,7 +118,7 @@ def _normals(path: Path, arrays: Mapping[str, Any], positions: Floats) -> Floats
                 path, "faces do not index the positions", "Give triangles, counted from 0."
             )
         mesh = trimesh.Trimesh(positions, faces, process=False)
-        return np.array(mesh.vertex_normals, dtype=float)
+        return np.asarray(mesh.vertex_normals, dtype=np.float64)
     return np.asarray(estimate_normals(np.asarray(positions, dtype=np.float64)))
 
 

@@ -162,7 +162,8 @@ def _hand_problems(session: Session) -> Iterator[str]:
 def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
     """Read one recording and report what is in it."""
     try:
-        markers = select_markers(read_recording(trial.file, session.file_scale), session, trial)
+        whole = read_recording(trial.file, session.file_scale)
+        markers = select_markers(whole, session, trial)
     except GraspDBError as error:
         return TrialReport(trial.name, trial.source_file, trial.subject, trial.object, problem=str(error))
     recording = markers.recording

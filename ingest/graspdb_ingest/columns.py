@@ -31,6 +31,13 @@ def list_column(values: Numbers) -> pa.Array:
     return _lists(inner, values.shape[1], np.asarray(missing.all(axis=1)))
 
 
+def sparse_column(values: Numbers) -> pa.Array:
+    """Return a column of lists from shape (n, k), in which single numbers are null where NaN."""
+    flat = np.ascontiguousarray(values).ravel()
+    items = pa.array(flat, mask=np.isnan(flat))
+    return _lists(items, values.shape[1], np.zeros(len(values), dtype=bool))
+
+
 def _lists(items: pa.Array, length: int, missing: NDArray[np.bool_]) -> pa.Array:
     offsets = pa.array(np.arange(len(missing) + 1, dtype=np.int32) * length)
     return pa.ListArray.from_arrays(offsets, items, mask=pa.array(missing))

@@ -15,7 +15,10 @@ from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, SITES
 
 NO_POINT = -1
 ROUNDING = 1e-9
-"""Share of a distance within which the tree may mistake which of two points is nearer."""
+"""Share of a distance within which a search tree may mistake which of two points is nearer."""
+WORTH_ORDERING = 200
+CURVE_BITS = 7
+"""Centres above which they are ordered in space first, and bits of each coordinate that order them."""
 
 
 @dataclass(frozen=True)
@@ -100,51 +103,46 @@ def signed_gaps(centres: Floats, radii: Floats, cloud: ObjectCloud) -> Gaps:
     return Gaps(gap=gap - radii, nearest=nearest)
 
 
-def no_gaps(centres: Floats) -> Gaps:
-    """Return the gaps where there is no object, for centres of shape (..., 20, 3)."""
-    shape = centres.shape[:-1]
-    return Gaps(gap=np.full(shape, np.nan), nearest=np.full(shape, NO_POINT, dtype=np.int64))
-
-
-def find_contacts(gap: Floats, nearest: NDArray[np.int64], threshold: float, cloud: ObjectCloud) -> Contacts:
-    """Return the touching spheres of one frame: those whose gap is below h.
-
-    The paper's sentence under equation 3 says 'not in contact'; its next sentence and its figures
-    show that the touching ones are meant.
-
-    Parameters
-    ----------
-    gap, nearest : ndarray, shape (20,)
-        One frame of `Gaps`.
-    threshold : float
-        h of equation 3 [m].
-    cloud : ObjectCloud
-        The object's surface.
-    """
-    sites = np.flatnonzero(gap < threshold)
-    points = nearest[sites]
-    return Contacts(
-        sites=sites,
-        points=points,
-        positions=cloud.points[points],
-        normals=cloud.normals[points],
-        gap=gap[sites],
-    )
-
-
 def _nearest(centres: Floats, cloud: ObjectCloud) -> tuple[Floats, NDArray[np.int64]]:
     """Return distance and index of the nearest point of each centre, as a search over all points would."""
-    count = min(2, len(cloud.points))
-    proposed = np.asarray(cloud.tree.query(centres, k=range(1, count + 1))[1], dtype=np.int64)
+    proposed = _proposed(centres, cloud)
     distances = _distance(cloud.points[proposed], centres[:, None])
+    second = distances[:, 1:].min(axis=1, initial=np.inf)
     distance, index = distances[:, 0], proposed[:, 0]
-    # The tree's own rounding cannot order points that are equally near; those few are compared one by one.
-    for i in np.flatnonzero(distances[:, -1] <= distance * (1 + ROUNDING)):
+    # The search's own rounding cannot order points that are equally near; those few are compared one by one.
+    for i in np.flatnonzero(second <= distance * (1 + ROUNDING)):
         reach = distances[i].max() * (1 + 2 * ROUNDING)
         candidates = np.sort(cloud.tree.query_ball_point(centres[i], reach))
         exact = _distance(cloud.points[candidates], centres[i])
         index[i], distance[i] = candidates[exact.argmin()], exact.min()
     return distance, index
+
+
+def _proposed(centres: Floats, cloud: ObjectCloud) -> NDArray[np.int64]:
+    """Return the two points nearest to each centre but for rounding, shape (n, 2); one of a single point."""
+    count = min(2, len(cloud.points))
+    if not len(centres):
+        return np.empty((0, count), dtype=np.int64)
+    # Centres that are near each other are asked one after the other: the same points are still at hand.
+    order = _space_order(centres) if len(centres) > WORTH_ORDERING else np.arange(len(centres))
+    found = cloud.neighbours.knn_search(cloud.tensor(np.asarray(centres[order], dtype=np.float64)), count)[
+        0
+    ].numpy()
+    proposed = np.empty((len(centres), count), dtype=np.int64)
+    proposed[order] = found.reshape(len(centres), count)
+    return proposed
+
+
+def _space_order(positions: Floats) -> NDArray[np.int64]:
+    """Return an order in which neighbours in space follow each other: along Morton's curve."""
+    low = positions.min(axis=0)
+    extent = max(float((positions.max(axis=0) - low).max()), np.finfo(float).tiny)
+    cells = ((positions - low) / extent * (2**CURVE_BITS - 1)).astype(np.int64)
+    code = np.zeros(len(positions), dtype=np.int64)
+    for bit in range(CURVE_BITS):
+        for axis in range(3):
+            code |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+    return np.argsort(code)
 
 
 def _distance(points: Floats, centres: Floats) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.columns import list_column, number_column
+from graspdb_ingest.columns import list_column, number_column, sparse_column
 from graspdb_ingest.contact_events import FREE, TOUCHES, UNKNOWN
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_ingest.trial_markers import TrialMarkers
@@ -37,8 +37,10 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
     n, track = len(tracked.markers.times), hand.track
     positions, quaternions = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
     residuals = np.full(n, np.nan)
+    fitness = np.full(n, np.nan)
     if tracked.object is not None:
         pose = tracked.object.track
+        fitness = fitness if tracked.object.fitness is None else tracked.object.fitness
         positions, quaternions, residuals = pose.positions, pose.quaternions, pose.residuals
     return pa.Table.from_pydict(
         {
@@ -53,9 +55,11 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "object_position": list_column(positions),
             "object_quaternion": list_column(quaternions),
             "object_residual": number_column(residuals),
+            "object_fitness": number_column(fitness),
             "gap": list_column(hand.posed.gaps.gap),
             "touching": _touching(hand),
             "residual": number_column(track.residual_rms),
+            "marker_residuals": sparse_column(np.linalg.norm(track.residuals, axis=2)),
             "n_markers": track.used.sum(axis=1),
             "flags": _flags(hand),
         },
@@ -78,6 +82,16 @@ def _flags(hand: TrackedHand) -> list[list[str]]:
         flags[frame].append("no_markers")
     for frame in np.flatnonzero(track.at_limit):
         flags[frame].append("at_limit")
-    for frame, marker in np.argwhere(seen & ~track.used):
+    faulty = np.zeros(seen.shape, dtype=bool)
+    for fault in track.faults:
+        names = "+".join(labels[m] for m in fault.markers)
+        for flagged in flags[fault.start : fault.stop]:
+            flagged.append(f"{fault.kind}:{names}")
+        if fault.kind != "swapped":
+            faulty[fault.start : fault.stop, fault.markers] = True
+    for frame, marker in np.argwhere(seen & ~track.used & ~faulty):
         flags[frame].append(f"rejected:{labels[marker]}")
+    for digit, of_digit in hand.prepared.hand.markers_of_digit.items():
+        for frame in np.flatnonzero(track.tracked & ~track.used[:, of_digit].any(axis=1)):
+            flags[frame].append(f"filled:{digit}")
     return flags

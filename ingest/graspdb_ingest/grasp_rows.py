@@ -18,11 +18,13 @@ from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.solid import Inside
+from graspdb_ingest.opposition import Opposition, find_opposition
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
 from graspdb_ingest.prepare import PreparedObject
 from graspdb_ingest.quality import GraspQuality, grasp_quality
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.surface.touch import PosedHand, touching
+from graspdb_ingest.taxonomy import TypedGrasp, grasp_type
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -53,6 +55,10 @@ class Grasp:
         The feature's pieces, how it bends and which side of the hand it faces.
     inside : Inside or None
         Volume and surface of the object in the enclosing space; None where its mesh bounds no body.
+    opposition : Opposition
+        Which parts of the hand oppose each other.
+    typed : TypedGrasp
+        Its type in the GRASP taxonomy.
     quality : GraspQuality
         How well the contacts can hold the object.
     """
@@ -65,6 +71,8 @@ class Grasp:
     feature: GraspableFeature
     shape: FeatureShape
     inside: Inside | None
+    opposition: Opposition
+    typed: TypedGrasp
     quality: GraspQuality
 
 
@@ -120,10 +128,12 @@ def enclose(
     shape = feature_shape(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
     )
+    opposed = find_opposition(contacts, posed.points.sites, rotation, side)
+    typed = grasp_type(contacts, opposed)
     inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, side, hold, contacts, space, feature, shape, inside, quality)
+    return Grasp(key, side, hold, contacts, space, feature, shape, inside, opposed, typed, quality)
 
 
 def grasp_rows(
@@ -206,6 +216,11 @@ def held_columns(grasp: Grasp, posed: PosedHand, parameters: ContactParameters) 
         "sphere_volume": sphere_volume(space),
         "feature_points": len(grasp.feature.points),
         "feature_area": grasp.feature.area,
+        "opposition": grasp.opposition.kind,
+        "virtual_fingers": [list(group) for group in grasp.opposition.virtual_fingers],
+        "opposition_shares": list(grasp.opposition.shares.items()),
+        "grasp_type": grasp.typed.name,
+        "grasp_type_confidence": grasp.typed.confidence,
         "object_volume_in_hull": None if grasp.inside is None else grasp.inside.volume,
         "object_area_in_hull": None if grasp.inside is None else grasp.inside.area,
         "quality": list(grasp.quality.indices().items()),

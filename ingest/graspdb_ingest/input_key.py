@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from graspdb_ingest.hand.subject import model_files
+from graspdb_ingest.objects.files import CLOUD_FORMATS
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import calibration_files
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -38,6 +39,9 @@ def input_key(session: Session, trial: SessionTrial, parameters: IngestParameter
     common = ("graspdb_session", "id", "units", "up", "marker_set", "marker_names", "glove")
     subject = session.subjects[trial.subject]
     files = [trial.file, *calibration_files(session, subject), *model_files(subject)]
+    if trial.clouds is not None:
+        beside = sorted(trial.clouds.parent.iterdir())
+        files += [trial.clouds, *(file for file in beside if file.suffix.lower() in CLOUD_FORMATS)]
     if trial.reference_contacts is not None:
         files.append(trial.reference_contacts)
     if trial.object is not None:

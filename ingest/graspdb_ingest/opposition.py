@@ -24,7 +24,7 @@ PALM_SITES: Final = ("thumb_cmc", *(f"{finger}_mcp" for finger in FINGERS))
 
 LEAST: Final = 0.25
 """A digit's opposition below this, a push more than 75 degrees off the opposite direction, is none."""
-PALM_FIRST: Final = 0.5
+PALM_FIRST: Final = 0.25
 """Where the palm opposes at least this share of the fingers' greatest opposition it is a palm opposition."""
 
 
@@ -71,7 +71,7 @@ def find_opposition(contacts: Contacts, sites: Floats, object_from_hand: Floats,
     total = {kind: sum(evidence[kind] for evidence in by_finger.values()) for kind in KINDS}
     kind = _chosen(total)
     everything = sum(total.values())
-    shares = {name: value / everything for name, value in total.items()} if everything > 0 else {}
+    shares = {str(name): value / everything for name, value in total.items() if everything > 0}
     return Opposition(kind, _virtual_fingers(kind, by_finger, surfaces, contacts), shares)
 
 
@@ -80,13 +80,24 @@ def contact_surfaces(
 ) -> tuple[str, ...]:
     """Return which surface of the hand each contact is on: palm, thumb, pad, radial, ulnar or dorsal.
 
-    The last four are of fingers: the angle around the phalanx at which the contact point lies, in quarters
-    about its palmar side.
+    The last four are of fingers. Where the hand's surface tells on which of its pads a contact is, that
+    counts; else the angle around the phalanx does, in quarters about its palmar side.
     """
+    if contacts.pads:
+        return tuple(_padded(int(s), pad) for s, pad in zip(contacts.sites, contacts.pads, strict=True))
     return tuple(
         _surface(int(site), position - sites[site], sites, object_from_hand, side)
         for site, position in zip(contacts.sites, contacts.positions, strict=True)
     )
+
+
+def _padded(site: int, pad: str) -> str:
+    palmar = pad in ("palmar", "tip")
+    if SITES[site] in PALM_SITES and (palmar or DIGIT_OF_SITE[site] == "thumb"):
+        return PALM
+    if DIGIT_OF_SITE[site] == "thumb":
+        return "thumb"
+    return "pad" if palmar else pad
 
 
 def _surface(site: int, arm: Floats, sites: Floats, object_from_hand: Floats, side: Side) -> str:

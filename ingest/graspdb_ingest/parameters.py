@@ -2,6 +2,12 @@
 
 import json
 from dataclasses import asdict, dataclass, field
+from typing import Final
+
+from graspdb_schemas.errors import ParameterError, nearest
+
+HAND_SURFACES: Final = ("spheres", "capsules", "skin")
+"""Surfaces of a hand, each inside the next."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,12 @@ class TrackingParameters:
         Share of the frames in which the hand must be known; a trial with less is rejected.
     maximum_residual : float
         A trial whose median marker residual is above this is rejected [m].
+    maximum_rejected : float
+        Share of the seen markers that may be left out as faulty; with more a trial is rejected.
+    uncertain_sd : float
+        A frame whose median standard deviation of the sites is above this is uncertain [m].
+    maximum_uncertain : float
+        Share of the tracked frames that may be uncertain; with more a trial is rejected.
     """
 
     marker_sd: float = 0.0015
@@ -81,6 +93,9 @@ class TrackingParameters:
     minimum_start_markers: int = 6
     minimum_tracked: float = 0.5
     maximum_residual: float = 0.010
+    maximum_rejected: float = 0.25
+    uncertain_sd: float = 0.02
+    maximum_uncertain: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -141,12 +156,22 @@ class ContactParameters:
         Surface of the hand whose gaps are taken: ``spheres``, ``capsules`` or ``skin``.
     map_reach : float
         Object points up to this far from the hand's surface are in the contact map [m].
+
+    Raises
+    ------
+    ParameterError
+        If there is no such surface.
     """
 
     threshold: float = 0.004
     sphere_vertices: int = 64
     surface: str = "spheres"
     map_reach: float = 0.02
+
+    def __post_init__(self) -> None:
+        if self.surface not in HAND_SURFACES:
+            hint = nearest(self.surface, HAND_SURFACES)
+            raise ParameterError("contact.surface", self.surface, f"one of {', '.join(HAND_SURFACES)}{hint}")
 
 
 @dataclass(frozen=True)
@@ -196,6 +221,28 @@ class QualityParameters:
 
 
 @dataclass(frozen=True)
+class RegistrationParameters:
+    """When a depth camera's cloud tells the pose of an object.
+
+    Attributes
+    ----------
+    reach : float
+        Points of the cloud further than this from the model are not the object's [m].
+    minimum_fitness : float
+        Share of the points within reach that have to lie within three times the noise of the fit.
+    maximum_residual : float
+        Root mean square distance of these to the model's surface, above which there is no pose [m].
+    maximum_gap : float
+        Frames between clouds further apart than this have no pose [s].
+    """
+
+    reach: float = 0.02
+    minimum_fitness: float = 0.5
+    maximum_residual: float = 0.01
+    maximum_gap: float = 0.15
+
+
+@dataclass(frozen=True)
 class IngestParameters:
     """All parameters of an ingest."""
 
@@ -206,6 +253,7 @@ class IngestParameters:
     contact: ContactParameters = field(default_factory=ContactParameters)
     glove: GloveParameters = field(default_factory=GloveParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
+    registration: RegistrationParameters = field(default_factory=RegistrationParameters)
 
     def to_json(self) -> str:
         """Return the parameters as JSON with sorted keys."""

@@ -1,8 +1,8 @@
 """A trial of a session, from the files it names to the rows it brings."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -13,12 +13,14 @@ from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import file_sha256, input_key, software_version
+from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.readers.glove import read_glove
 from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
+from graspdb_ingest.tracking.faults import describe
 from graspdb_ingest.trial import TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
@@ -82,10 +84,11 @@ def process_trial(
         rows["markers"] = marker_rows(key, markers)
         if not reasons:
             gloves = _gloves(session, trial, recording, markers, context, notes)
+            clouds = _clouds(session, trial, markers, context, parameters, notes)
             # matrices of 58 rows are too small to share out: more threads only wait for each other
             with threadpool_limits(1):
                 tracked = track_trial(
-                    markers, context.hands, context.object, np.array(session.up), parameters, gloves
+                    markers, context.hands, context.object, np.array(session.up), parameters, gloves, clouds
                 )
     except GraspDBError as error:
         reasons.append(str(error))
@@ -104,6 +107,25 @@ def process_trial(
     described = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
     rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
+
+
+def _clouds(
+    session: Session,
+    trial: SessionTrial,
+    markers: TrialMarkers,
+    context: Context,
+    parameters: IngestParameters,
+    notes: list[str],
+) -> CloudTrack | None:
+    """Return the object as followed in the trial's live clouds, if it has any."""
+    if trial.clouds is None or context.object is None:
+        return None
+    files = read_cloud_times(trial.clouds)
+    found = follow_clouds(
+        files, session.file_scale, context.object.cloud, markers.times, parameters.registration
+    )
+    notes.extend(found.notes)
+    return found
 
 
 def _trial_row(
@@ -140,6 +162,8 @@ def _trial_row(
         "missing_fraction": None if markers is None else _missing(markers),
         "residual_rms": None if tracked is None else _overall(tracked),
         "residual_rms_by_group": list(groups.items()),
+        "residual_rms_by_marker": [] if tracked is None else list(_residuals_by_marker(tracked)),
+        "motion_noise": [] if tracked is None else list(_motion_noise(tracked)),
         "glove_offset": _sensors(tracked, "offset"),
         "glove_sd": _sensors(tracked, "sd"),
     }
@@ -147,7 +171,19 @@ def _trial_row(
 
 def _notes(markers: TrialMarkers) -> list[str]:
     """Return what is worth knowing of a trial that is none the worse for it."""
-    return [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+    notes = [f"markers not in the file: {', '.join(markers.not_found)}"] if markers.not_found else []
+    unseen = [label for label in _never_seen(markers) if label in markers.found]
+    return notes + ([f"markers never seen: {', '.join(unseen)}"] if unseen else [])
+
+
+def _never_seen(markers: TrialMarkers) -> Iterator[str]:
+    """Yield the labels, behind their side where there are both, that no frame has a position for."""
+    for side, positions in markers.hands.items():
+        prefix = "" if len(markers.hands) == 1 else f"{side}_"
+        for i in np.flatnonzero(np.isnan(positions[..., 0]).all(axis=0)):
+            yield prefix + markers.hand_labels[i]
+    for i in np.flatnonzero(np.isnan(markers.object_markers[..., 0]).all(axis=0)):
+        yield markers.object_labels[i]
 
 
 def _hand_notes(tracked: TrackedTrial) -> list[str]:
@@ -155,6 +191,8 @@ def _hand_notes(tracked: TrackedTrial) -> list[str]:
     notes: list[str] = []
     for hand in tracked.hands.values():
         notes += [*hand.prepared.notes, *(() if hand.glove is None else hand.glove.notes)]
+        recording, labels = tracked.markers.recording, hand.prepared.hand.markers
+        notes += describe(hand.track.faults, labels, recording.rate, float(tracked.markers.times[0]))
     return notes
 
 
@@ -214,6 +252,26 @@ def _residuals_by_group(session: Session, tracked: TrackedTrial) -> dict[str, fl
         residuals = tracked.object.track.residuals
         squared["object"] = (residuals[np.isfinite(residuals)] ** 2).tolist()
     return {group: float(np.sqrt(np.mean(values))) for group, values in squared.items() if values}
+
+
+def _residuals_by_marker(tracked: TrackedTrial) -> Iterator[tuple[str, float]]:
+    """Yield the rms residual of each hand marker over the frames in which it was used."""
+    for side, hand in tracked.hands.items():
+        squared, used = np.sum(hand.track.residuals**2, axis=2), hand.track.used
+        for i, label in enumerate(hand.prepared.hand.markers):
+            if used[:, i].any():
+                yield _name(tracked, side, label), float(np.sqrt(squared[used[:, i], i].mean()))
+
+
+def _motion_noise(tracked: TrackedTrial) -> Iterator[tuple[str, float]]:
+    """Yield the scales that each hand was tracked with."""
+    for side, hand in tracked.hands.items():
+        for scale, value in asdict(hand.prepared.noise).items():
+            yield _name(tracked, side, scale), value
+
+
+def _name(tracked: TrackedTrial, side: Side, name: str) -> str:
+    return name if len(tracked.hands) == 1 else f"{side}_{name}"
 
 
 def _group(segment: str) -> str:

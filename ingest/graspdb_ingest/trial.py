@@ -10,6 +10,7 @@ from graspdb_ingest.contact_events import UNKNOWN, ContactEvent, States, contact
 from graspdb_ingest.events import Hold, find_holds
 from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.live import CloudTrack
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, PreparedObject
@@ -20,7 +21,7 @@ from graspdb_ingest.tracking.fit import FREE, SEVEN
 from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
-from graspdb_schemas.errors import TrackingError
+from graspdb_ingest.verdict import check_track
 from graspdb_schemas.vocabulary import Side
 
 
@@ -34,10 +35,13 @@ class TrackedObject:
         Surface, cloud and histograms.
     track : ObjectTrack
         Pose in every frame.
+    fitness : ndarray, shape (n_frames,), or None
+        Fitness of the registration to a live cloud; None where markers told the pose.
     """
 
     prepared: PreparedObject
     track: ObjectTrack
+    fitness: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,7 @@ def track_trial(
     up: Floats,
     parameters: IngestParameters,
     gloves: Mapping[Side, GloveAngles] | None = None,
+    clouds: CloudTrack | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -117,6 +122,8 @@ def track_trial(
         All thresholds.
     gloves : mapping of Side to GloveAngles, optional
         Data gloves that the hands wore.
+    clouds : CloudTrack, optional
+        The object as followed in live clouds, in place of its markers.
 
     Raises
     ------
@@ -124,7 +131,9 @@ def track_trial(
         If a hand cannot be followed, or not in enough frames, or does not fit its markers.
     """
     followed = None
-    if prepared is not None:
+    if prepared is not None and clouds is not None:
+        followed = TrackedObject(prepared, clouds.track, clouds.fitness)
+    elif prepared is not None:
         followed = TrackedObject(
             prepared,
             track_object(
@@ -141,7 +150,7 @@ def track_trial(
         if gloves is not None and side in gloves:
             glove = _compare(gloves[side], hand, markers, track, parameters)
             track = follow(hand, positions, rate, parameters, glove.measurement)
-        _check(track, side, parameters)
+        check_track(track, hand.hand, positions, hand.prior, side, parameters.tracking)
         tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
 
@@ -167,23 +176,6 @@ def _compare(
     """Compare a glove with the hand that was followed by its markers alone."""
     angles, angles_sd = track.q[:, SEVEN:], track.q_sd[:, FREE:]
     return fit_glove(glove, hand.hand, markers.times, angles, angles_sd, parameters.glove)
-
-
-def _check(track: HandTrack, side: Side, parameters: IngestParameters) -> None:
-    share = float(track.tracked.mean())
-    if share < parameters.tracking.minimum_tracked:
-        raise TrackingError(
-            f"the {side} hand is known in {share:.0%} of the frames",
-            f"At least {parameters.tracking.minimum_tracked:.0%} are needed: record it again, or cut "
-            "the trial with start and end.",
-        )
-    median = float(np.nanmedian(np.linalg.norm(track.residuals, axis=2)))
-    if median > parameters.tracking.maximum_residual:
-        raise TrackingError(
-            f"the {side} hand's markers lie {1e3 * median:.1f} mm from the tracked hand (median)",
-            f"At most {1e3 * parameters.tracking.maximum_residual:g} mm are allowed: check the labels, "
-            "the hand's side and its size.",
-        )
 
 
 def _with_holds(

@@ -83,6 +83,7 @@ def select_markers(recording: Recording, session: Session, trial: SessionTrial) 
     wanted: dict[str, int | None] = {}
     hands = {}
     for side in sides:
+        _refuse_twice(recording, places, side, labels, single=len(sides) == 1)
         columns = [_hand_column(places, side, label, single=len(sides) == 1) for label in labels]
         hands[side] = _columns(recording, columns)
         prefix = "" if len(sides) == 1 else f"{side}_"
@@ -149,6 +150,20 @@ def _without_sets(names: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         brief = label.rpartition(":")[2]
         if brief != label and brief not in names:
             yield brief, target
+
+
+def _refuse_twice(
+    recording: Recording, places: Mapping[str, int], side: Side, labels: Sequence[str], *, single: bool
+) -> None:
+    """Refuse a recording of one hand in which a marker stands with its side and without."""
+    for label in labels if single else ():
+        if label in places and f"{side}_{label}" in places:
+            plain, sided = (recording.labels[places[name]] for name in (label, f"{side}_{label}"))
+            raise RecordingError(
+                recording.path,
+                f"its labels {plain!r} and {sided!r} both stand for {label!r} of the {side} hand",
+                "Leave one of them out of the export, or map it to another marker in marker_names.",
+            )
 
 
 def _hand_column(places: Mapping[str, int], side: Side, label: str, *, single: bool) -> int | None:

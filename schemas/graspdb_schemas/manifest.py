@@ -123,6 +123,8 @@ class SessionTrial:
         Part of the recording to use, in the recording's own time [s].
     glove, reference_contacts : Path or None
         Joint angles of a data glove; measured centres of pressure.
+    clouds : Path or None
+        List of the object's live clouds, by time.
     attributes : mapping
         Further keys of the trial.
     sides : tuple of Side
@@ -139,6 +141,7 @@ class SessionTrial:
     start: float | None = None
     end: float | None = None
     glove: Path | None = None
+    clouds: Path | None = None
     reference_contacts: Path | None = None
     attributes: Mapping[str, Any] | None = None
     sides: tuple[Side, ...] = ()

@@ -199,6 +199,10 @@ def _trials(manifest: Mapping[str, Any]) -> Iterator[Problem]:
             if isinstance(name, str) and name not in names:
                 listed = ", ".join(names) or f"none, since the manifest has no {kind}s"
                 yield Problem(f"{key}.{kind}", repr(name), listed + nearest(name, names))
+        described = table(table(manifest.get("objects")).get(str(trial.get("object"))))
+        if described and "markers" not in described and "clouds" not in trial:
+            allowed = "an object with markers, or a trial with clouds"
+            yield Problem(f"{key}.object", f"{trial.get('object')!r}, which has no markers", allowed)
         yield from _hand_of_trial(key, trial, table(manifest.get("subjects")))
         start, end = _number(trial.get("start")), _number(trial.get("end"))
         if start is not None and end is not None and start >= end:

@@ -103,7 +103,7 @@ class _Files:
             self._add(f"objects.{name}.mesh", table(entry).get("mesh"))
         trials = manifest.get("trials")
         for index, entry in enumerate(trials if isinstance(trials, list) else []):
-            for key in ("file", "glove", "reference_contacts"):
+            for key in ("file", "glove", "clouds", "reference_contacts"):
                 self._add(f"trials[{index}].{key}", table(entry).get(key))
 
     def _add(self, key: str, name: object) -> None:
@@ -211,7 +211,7 @@ class _Builder:
             name=name,
             mesh=mesh,
             mesh_scale=METRES_PER[units],
-            markers={label: self._vector(place) for label, place in entry["markers"].items()},
+            markers={label: self._vector(place) for label, place in entry.get("markers", {}).items()},
             mass=entry.get("mass"),
             category=entry.get("category"),
             friction=entry.get("friction"),
@@ -232,6 +232,7 @@ class _Builder:
             start=entry.get("start"),
             end=entry.get("end"),
             glove=self._paths.get(f"{key}.glove"),
+            clouds=self._paths.get(f"{key}.clouds"),
             reference_contacts=self._paths.get(f"{key}.reference_contacts"),
             attributes={name: value for name, value in entry.items() if name not in self._trial_keys},
             sides=_SIDES[entry["hand"]] if "hand" in entry else (),

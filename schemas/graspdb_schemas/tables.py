@@ -158,6 +158,18 @@ TRIALS: Final = pa.schema(
             "the same by marker group: forearm, hand, thumb ... little, object",
             "m",
         ),
+        _column(
+            "residual_rms_by_marker",
+            pa.map_(pa.string(), pa.float64()),
+            "the same by hand marker, behind its side if there are two hands",
+            "m",
+        ),
+        _column(
+            "motion_noise",
+            pa.map_(pa.string(), pa.float64()),
+            "scales of movement and marker noise that were estimated, behind the side if there are two hands",
+            "m/s^1.5, rad/s^1.5, s, m",
+        ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
         _column(
             "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
@@ -213,6 +225,11 @@ FRAMES: Final = pa.schema(
             "object_residual", pa.float32(), "rms distance of object markers to their fitted places", "m"
         ),
         _column(
+            "object_fitness",
+            pa.float32(),
+            "share of a live cloud's points near the object that lie on it; null where markers told the pose",
+        ),
+        _column(
             "gap",
             VECTOR,
             "signed distance of each site's part of the hand's surface to the object's mesh, or to its "
@@ -226,7 +243,13 @@ FRAMES: Final = pa.schema(
         ),
         _column("residual", pa.float32(), "rms distance of the seen hand markers to the hand", "m"),
         _column("n_markers", pa.int16(), "hand markers used in this frame"),
-        _column("flags", TEXTS, "what is special: not_tracked, no_markers, at_limit, rejected:<marker>"),
+        _column(
+            "flags",
+            TEXTS,
+            "what is special: not_tracked, no_markers, at_limit, filled:<digit> (no marker of it used); "
+            "markers left out: rejected:, jumping:, frozen: or drifting:<marker>; "
+            "swapped:<marker>+<marker>, put right",
+        ),
         _INGEST_ID,
     ]
 )
@@ -270,6 +293,21 @@ GRASPS: Final = pa.schema(
             "quality",
             pa.map_(pa.string(), pa.float64()),
             "grasp quality indices: epsilon, wrench_volume, isotropy, least_singular_value",
+        ),
+        _column("opposition", pa.string(), "pad, palm or side opposition; null where nothing opposes"),
+        _column(
+            "virtual_fingers",
+            pa.list_(TEXTS),
+            "thumb or palm; the digits that oppose it; those that touch and only help (3 lists)",
+        ),
+        _column(
+            "opposition_shares",
+            pa.map_(pa.string(), pa.float64()),
+            "share of the fingers' opposition that is pad, palm and side opposition",
+        ),
+        _column("grasp_type", pa.string(), "type of the GRASP taxonomy; null where no type is likely"),
+        _column(
+            "grasp_type_confidence", pa.float64(), "share of the evidence that this type has, 0.5 or more"
         ),
         _column(
             "object_volume_in_hull",

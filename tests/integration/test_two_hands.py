@@ -39,8 +39,8 @@ def sites_of(database, side):
 @pytest.mark.parametrize("side", SIDES)
 def test_each_hand_is_where_it_was(truth, database, side):
     error = np.linalg.norm(sites_of(database, side) - truth.sites[side], axis=2)
-    assert np.nanmean(error) < 0.001
-    assert np.nanmax(error) < 0.004
+    assert np.nanmean(error) < 0.0015
+    assert np.nanmax(error) < 0.005
 
 
 def test_a_hand_out_of_view_is_not_known_and_no_marker_of_the_other_stands_in_for_it(truth, database):

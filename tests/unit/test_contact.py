@@ -7,10 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from graspdb_ingest.contact import find_contacts, signed_gaps
+from graspdb_ingest.contact import Contacts, signed_gaps
 from graspdb_ingest.objects.cloud import ObjectCloud
+from graspdb_ingest.objects.distance import ObjectDistance
+from graspdb_ingest.objects.mesh import Surface
 from graspdb_ingest.rigid import inverse_transform_points, transform_points
-from graspdb_schemas.vocabulary import SITES
+from graspdb_ingest.surface import HandPoints, key_points
+from graspdb_ingest.surface.touch import pose_hand, touching
+from graspdb_schemas.vocabulary import SITES, Side
 
 RADII = np.linspace(0.013, 0.007, 20)
 
@@ -18,6 +22,14 @@ RADII = np.linspace(0.013, 0.007, 20)
 def cloud_of(points: np.ndarray) -> ObjectCloud:
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     return ObjectCloud(points, normals, np.ones(len(points)), 0.002)
+
+
+def contacts_of(sites: np.ndarray, radii: np.ndarray, threshold: float, cloud: ObjectCloud) -> Contacts:
+    """Return the contacts of one frame of spheres with a bare cloud."""
+    bare = Surface(cloud.points, None, None, None, None, np.ptp(cloud.points, axis=0), False, "", ())
+    hand = HandPoints(key_points(np.full((1, 3), -1.0), sites[None]), radii, Side.RIGHT)
+    place = ObjectDistance(bare, cloud)
+    return touching(pose_hand(hand, "spheres", place).frame(0), threshold, place)
 
 
 def brute_force(sites: np.ndarray, radii: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +80,7 @@ def test_a_sphere_over_a_plane_by_hand() -> None:
     sites[0, :, 2] = np.linspace(0.0, 0.019, 20)
     gaps = signed_gaps(sites, np.full(20, 0.01), cloud)
     assert gaps.gap[0] == pytest.approx(np.linspace(-0.01, 0.009, 20))
-    contacts = find_contacts(gaps.gap[0], gaps.nearest[0], 0.004, cloud)
+    contacts = contacts_of(sites[0], np.full(20, 0.01), 0.004, cloud)
     assert contacts.sites.tolist() == list(range(14))
     assert contacts.positions == pytest.approx(0)
     assert contacts.normals == pytest.approx(np.tile([0.0, 0, 1], (14, 1)))
@@ -82,9 +94,9 @@ def test_contact_is_strictly_below_the_threshold() -> None:
     cloud = cloud_of(np.zeros((1, 3)))
     sites = np.full((1, 20, 3), np.nan)
     sites[0, 0] = [0.5, 0, 0]
-    gaps = signed_gaps(sites, np.full(20, 0.25), cloud)
-    assert find_contacts(gaps.gap[0], gaps.nearest[0], 0.25, cloud).sites.tolist() == []
-    assert find_contacts(gaps.gap[0], gaps.nearest[0], np.nextafter(0.25, 1), cloud).sites.tolist() == [0]
+    radii = np.full(20, 0.25)
+    assert contacts_of(sites[0], radii, 0.25, cloud).sites.tolist() == []
+    assert contacts_of(sites[0], radii, np.nextafter(0.25, 1), cloud).sites.tolist() == [0]
 
 
 def test_unknown_sites_have_no_gap_and_no_contact() -> None:
@@ -97,13 +109,9 @@ def test_unknown_sites_have_no_gap_and_no_contact() -> None:
     unknown = ~np.isfinite(sites).all(axis=2)
     assert np.array_equal(np.isnan(gaps.gap), unknown)
     assert np.array_equal(gaps.nearest == -1, unknown)
-    assert len(find_contacts(gaps.gap[0], gaps.nearest[0], 0.004, cloud).sites) == 20
-    assert set(range(20)) - set(find_contacts(gaps.gap[1], gaps.nearest[1], 0.004, cloud).sites.tolist()) == {
-        3,
-        4,
-        5,
-    }
-    nothing = find_contacts(gaps.gap[2], gaps.nearest[2], 0.004, cloud)
+    assert len(contacts_of(sites[0], RADII, 0.004, cloud).sites) == 20
+    assert set(range(20)) - set(contacts_of(sites[1], RADII, 0.004, cloud).sites.tolist()) == {3, 4, 5}
+    nothing = contacts_of(sites[2], RADII, 0.004, cloud)
     assert nothing.positions.shape == nothing.normals.shape == (0, 3)
     assert nothing.digits == ()
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_schemas.errors import HandModelError
-from graspdb_schemas.vocabulary import SEGMENTS, SITES, Side
+from graspdb_schemas.vocabulary import SEGMENTS, SEGMENTS_OF_DIGIT, SITES, Side
 
 MARKER_PREFIX: Final = "marker_"
 """A marker `x` is the MJCF site ``marker_x``; the sites proper have their bare names."""
@@ -130,6 +130,17 @@ class HandModel:
     def marker_ids(self) -> NDArray[np.int32]:
         """MuJoCo's numbers of the markers."""
         return np.array([self.mujoco_model.site(MARKER_PREFIX + m).id for m in self.markers], dtype=np.int32)
+
+    @cached_property
+    def markers_of_digit(self) -> dict[str, list[int]]:
+        """Places of each digit's markers among the hand's; none where the segments are not a human hand's."""
+        model = self.mujoco_model
+        bodies = [model.body(int(model.site_bodyid[i])).name for i in self.marker_ids]
+        return {
+            digit: [i for i, body in enumerate(bodies) if body in segments]
+            for digit, segments in SEGMENTS_OF_DIGIT.items()
+            if any(segment in self.segments for segment in segments)
+        }
 
     @cached_property
     def segments(self) -> tuple[str, ...]:

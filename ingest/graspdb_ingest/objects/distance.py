@@ -13,6 +13,8 @@ from graspdb_ingest.rigid import Array
 
 RAYS: Final = 3
 """Rays that vote whether a point is inside; one alone may meet an edge."""
+WORTH_THREADS: Final = 2000
+"""Points fewer than this are asked in one thread."""
 TOUCHING: Final = 1e-6
 """Distance below which the direction from the surface to a point is that of the face [m]."""
 
@@ -62,7 +64,7 @@ class ObjectDistance:
         if not self.exact:
             distance, index = self.cloud.tree.query(points)
             return Nearest(np.asarray(distance), self.cloud.points[index], self.cloud.normals[index])
-        found = self._scene.compute_closest_points(_tensor(points))
+        found = self._scene.compute_closest_points(_tensor(points), nthreads=_threads(points))
         positions = found["points"].numpy().astype(np.float64)
         faces = found["primitive_normals"].numpy().astype(np.float64)
         arms = points - positions
@@ -83,7 +85,9 @@ class ObjectDistance:
         low, high = self.surface.vertices.min(axis=0), self.surface.vertices.max(axis=0)
         within = np.all((points > low) & (points < high), axis=-1)
         if within.any():
-            inside[within] = self._scene.compute_occupancy(_tensor(points[within]), nsamples=RAYS).numpy() > 0
+            asked = points[within]
+            occupied = self._scene.compute_occupancy(_tensor(asked), nthreads=_threads(asked), nsamples=RAYS)
+            inside[within] = occupied.numpy() > 0
         return inside
 
     @cached_property
@@ -97,6 +101,11 @@ class ObjectDistance:
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the ray caster, which is built anew where it is needed."""
         return {"surface": self.surface, "cloud": self.cloud}
+
+
+def _threads(points: Array) -> int:
+    """Return how many threads are worth their start: one for few points, else as many as there are cores."""
+    return 1 if points.size < 3 * WORTH_THREADS else 0
 
 
 def _tensor(values: Array) -> Any:

@@ -18,7 +18,13 @@ WINDOW: Final = 0.1
 """Standard deviation of the window in time [s]."""
 PRIOR_COUNT: Final = 0.3
 """Degrees of freedom with which the expected movement is believed."""
-RANGE: Final = (0.1, 50.0)
+EXPONENT: Final = 2.0
+"""The score by itself tells of a change less than there is, as the markers' noise hides part of it."""
+FIRST: Final = 8.0
+"""Share of the process noise with which a recording is passed first: enough for the fastest movements."""
+HIDDEN: Final = 0.3
+"""A joint of which a frame tells less than this share of what frames usually tell is hidden in it."""
+RANGE: Final = (0.05, 100.0)
 """Least and largest process noise, as shares of the whole recording's."""
 
 
@@ -54,7 +60,7 @@ def activity(movements: Floats, groups: list[list[int]], rate: float) -> Floats:
     Parameters
     ----------
     movements : ndarray, shape (n_frames, 2, n_dof)
-        What `movement` says of each frame.
+        What `movement` says of each frame of a pass with the share `FIRST`.
     groups : list of list of int
         Degrees of freedom that share a process noise.
     rate : float
@@ -71,5 +77,8 @@ def activity(movements: Floats, groups: list[list[int]], rate: float) -> Floats:
         sums = movements[:, :, group].sum(axis=2)
         found, expected = gaussian_filter1d(sums, width, axis=0, mode="nearest").T
         count = width * 2 * np.sqrt(np.pi)  # frames that a Gaussian window is worth
-        shares[:, group] = ((count * found + PRIOR_COUNT) / (count * expected + PRIOR_COUNT))[:, None]
+        ratio = (count * FIRST * found + PRIOR_COUNT) / (count * FIRST * expected + PRIOR_COUNT)
+        # What no marker shows may move as fast as anything: its neighbours in time say nothing of it.
+        shown = sums[:, 1] / (sums[:, 1] + HIDDEN * np.median(sums[:, 1]) + np.finfo(float).tiny)
+        shares[:, group] = (FIRST * ratio ** (EXPONENT * shown))[:, None]
     return np.clip(shares, *RANGE)

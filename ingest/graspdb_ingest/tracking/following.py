@@ -147,7 +147,7 @@ def follow(
     follower: Follower,
     markers: Floats,
     glove: GloveMeasurement | None,
-    activities: Floats | None,
+    activities: Floats,
     forward: ForwardPass,
 ) -> Iterator[Stretch]:
     """Run the filter over a recording and yield every stretch in which the hand was not lost.
@@ -160,7 +160,7 @@ def follow(
         Marker positions [m], NaN where not seen.
     glove : GloveMeasurement or None
         Joint angles of a data glove.
-    activities : ndarray of shape (n_frames, n_dof), or None
+    activities : ndarray, shape (n_frames, n_dof)
         Process noise of each frame as shares of the assumed one.
     forward : ForwardPass
         Memory for a stretch as long as the recording.
@@ -172,7 +172,7 @@ def follow(
         followed = Followed(None, None)
         if i < len(markers):
             readings = None if glove is None else glove.frame(i)
-            followed = follower.step(markers[i], readings, None if activities is None else activities[i])
+            followed = follower.step(markers[i], readings, activities[i])
         if qs and (followed.started or followed.update is None):
             yield Stretch(i - len(qs), np.array(qs), np.array(used), np.array(limits), forward)
             forward.clear()

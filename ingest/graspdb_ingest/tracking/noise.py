@@ -37,6 +37,11 @@ WINDOW_TIME: Final = 0.7
 """Length of a window that the estimate uses [s]."""
 WINDOW_RATE: Final = 60.0
 """Rate to which windows are thinned: scales are those of continuous time [Hz]."""
+SLOW_SD: Final = 0.001
+"""Least standard deviation of a marker: skin moves slowly, so that joint angles take part of its
+movement up, and what is left of it to see is less than what there is [m]."""
+REACH: Final = 3.5
+"""A scale is looked for within so many spreads of the assumed one."""
 MAXIMUM_EVALUATIONS: Final = 10
 PERTURBATION: Final = 1e-4
 MINIMUM_KEPT: Final = 0.3
@@ -90,12 +95,14 @@ def estimate_noise(
         value = away @ away / 2 - sum(value for value, _ in parts)
         return float(value), away / SCALE_SD - sum(score for _, score in parts)
 
+    bounds = [(m - REACH * SCALE_SD, m + REACH * SCALE_SD) for m in middle]
+    bounds[-1] = (float(np.log(SLOW_SD)), bounds[-1][1])
     found = minimize(
         negative,
         middle,
         jac=True,
         method="L-BFGS-B",
-        bounds=[(m - 4 * SCALE_SD, m + 4 * SCALE_SD) for m in middle],
+        bounds=bounds,
         options={"maxfun": MAXIMUM_EVALUATIONS, "ftol": 1e-4},
     )
     return MotionNoise(*np.exp(found.x).tolist())

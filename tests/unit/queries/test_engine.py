@@ -230,8 +230,8 @@ def test_reading_the_settings_does_not_unlock_them(engine: Engine) -> None:
     ("statement", "found", "remedy"),
     [
         ("SELECT * FROM contact", "contact does not exist", "did you mean 'contacts'"),
-        ("SELECT gpa FROM contacts", '"gpa" not found', "did you mean 'gap'"),
-        ("SELECT c.gpa FROM contacts c", '"gpa"', "Columns of contacts: .*did you mean 'gap'"),
+        ("SELECT gapp FROM contacts", '"gapp" not found', "did you mean 'gap'"),
+        ("SELECT c.gapp FROM contacts c", '"gapp"', "Columns of contacts: .*did you mean 'gap'"),
         ("SELECT sbject FROM (SELECT 1)", '"sbject"', "did you mean 'subject'"),
         ("SELECT * FRO contacts", "syntax error", "LINE 1"),
         ("SELECT cosine(1)", "cosine does not exist", "Did you mean"),

@@ -132,3 +132,13 @@ def test_a_file_with_none_of_the_markers_lists_what_it_has() -> None:
     assert caught.value.labels == ("P1", "P2")
     assert caught.value.wanted == ("top", "nail", "m2", "m1", "m3")
     assert "marker_names" in str(caught.value)
+
+
+def test_a_marker_with_its_side_and_without_is_refused_where_one_hand_is_recorded() -> None:
+    recording = recording_of(["nail", "right_nail", "top"])
+    with pytest.raises(
+        RecordingError, match="'nail' and 'right_nail' both stand for 'nail'"
+    ):
+        select_markers(recording, session_of(), trial_of())
+    both = select_markers(recording, session_of((Side.RIGHT, Side.LEFT)), trial_of())
+    assert both.unused == ("nail", "top")
