@@ -60,5 +60,5 @@ def test_other_hand_is_refused(hands, still):
     _, markers, _ = still
     left = hands[Side.LEFT]
     track = track_hand(left, markers, RATE, default_prior(left), TrackingParameters(gate=1 - 1e-12))
-    with pytest.raises(TrackingError, match="it is the other hand|do without"):
+    with pytest.raises(TrackingError, match=r"it is the other hand|do without"):
         check(left, markers, track, Side.LEFT)
