@@ -23,7 +23,7 @@ from graspdb_schemas.vocabulary import N_Q, N_SITES
 
 Floats = NDArray[np.float64]
 
-PAIRS: Final = 240
+PAIRS: Final = 200
 """Pairs of a place and a feature that are aligned."""
 
 FEATURES_OF_PLACE: Final = 16
@@ -42,7 +42,7 @@ WEIGHTS: Final[dict[str, Weight]] = {
 the object, of the nearest 70 %; share of the contact points that do not lie on the object."""
 
 _SIZES: Final = """
-    SELECT unnest(quantile_disc(len(points), [0.125, 0.375, 0.625, 0.875])) FROM features
+    SELECT unnest(quantile_disc(len(points), [0.17, 0.5, 0.83])) FROM features
     WHERE descriptor_kind = $kind AND len(points) >= $least
 """
 _HELD: Final = """

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.transform import Rotation
 
-from graspdb_queries.similar.align import TRIMMED, align
+from graspdb_queries.similar.align import TRIMMED, aligned
 from graspdb_queries.similar.library import Cloud
 from graspdb_queries.similar.metric import Metric, Vectors
 from graspdb_queries.similar.part import Part
@@ -110,12 +110,14 @@ def gaps(tree: cKDTree, cloud: Cloud, centres: Floats, radii: Floats) -> Floats:
 
 def lay_onto(new: NewObject, place: Rows, features: Sequence[HeldFeature], metric: Metric) -> list[Fit]:
     """Return how features lie about a place of a new object; those that enclose nothing are left out."""
-    poses = align(new.part(place), [feature.part for feature in features])
+    poses, _ = aligned(new.part(place), [feature.part for feature in features])
+    matrices = np.linalg.inv(poses.matrices())
     fits = []
-    for feature, rotation, position in zip(features, poses.rotations, poses.positions, strict=True):
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ position
-        fit = _judge(new, feature, _settled(new, feature.part, pose), metric)
+    for feature, starts in zip(features, matrices, strict=True):
+        # What is nearly alike both ways round, as a handle is, shows only on the whole object which fits.
+        settled = [_settled(new, feature.part, start) for start in starts]
+        best = min(settled, key=lambda pose: _nearest_mean(_apart(new, feature.part, pose)))
+        fit = _judge(new, feature, best, metric)
         if fit is not None:
             fits.append(fit)
     return fits
@@ -160,9 +162,17 @@ def _settled(new: NewObject, part: Part, pose: Floats) -> Floats:
     return pose
 
 
+def _apart(new: NewObject, part: Part, pose: Floats) -> Floats:
+    return _facing(new, _moved(part.scored, pose), part.scored_normals @ pose[:3, :3].T)[0]
+
+
+def _nearest_mean(apart: Floats) -> float:
+    return float(np.sort(apart)[: int(np.ceil(TRIMMED * len(apart)))].mean())
+
+
 def _judge(new: NewObject, feature: HeldFeature, pose: Floats, metric: Metric) -> Fit | None:
     part = feature.part
-    apart, _ = _facing(new, _moved(part.scored, pose), part.scored_normals @ pose[:3, :3].T)
+    apart = _apart(new, part, pose)
     back = (new.cloud.points - pose[:3, 3]) @ pose[:3, :3]
     inside = (back @ feature.planes[:, :3].T + feature.planes[:, 3] <= 1e-9).all(axis=1)
     rows = np.flatnonzero(inside)
@@ -178,7 +188,7 @@ def _judge(new: NewObject, feature: HeldFeature, pose: Floats, metric: Metric) -
         rows=rows,
         descriptor=float(np.linalg.norm(vector.astype(np.float64) - feature.vector)),
         one_way=float(apart.mean()),
-        trimmed=float(np.sort(apart)[: int(np.ceil(TRIMMED * len(apart)))].mean()),
+        trimmed=_nearest_mean(apart),
         contacts_on=float(np.mean(on)),
         penetration=float(max(deeper.max(), 0.0)),
         n_inside=int((deeper > DEPTH).sum()),

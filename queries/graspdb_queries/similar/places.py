@@ -16,11 +16,11 @@ from graspdb_queries.similar.part import Part, spread
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-APART: Final = 0.025
-"""Distance of places that is aimed at [m]: that of two fingers side by side, roughly."""
+APART: Final = 0.030
+"""Distance of places that is aimed at [m]: half of what a hand spans in a pinch, roughly."""
 
 FEWEST_SEEDS: Final = 8
-MOST_SEEDS: Final = 96
+MOST_SEEDS: Final = 64
 
 LEAST_POINTS: Final = 10
 """Fewer points than this are no surface to describe."""
