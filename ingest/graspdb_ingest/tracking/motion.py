@@ -78,20 +78,11 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
-        """Return A P A^T + Q, Q multiplied by each degree of freedom's `activity`, shape (n_dof,)."""
+    def predict_covariance(self, covariance: Blocks) -> Blocks:
+        """Return A P A^T + Q."""
         predicted = _congruent(covariance, self._forward)
-        if activity is None:
-            predicted += self._noise_blocks
-        else:
-            root = np.sqrt(activity)
-            predicted += self._noise_blocks * (root[:, None] * root)
+        predicted += self._noise_blocks
         return predicted
-
-    @cached_property
-    def own_noise(self) -> Floats:
-        """Q of each degree of freedom: position with velocity, velocity, position; shape (3, n_dof)."""
-        return np.array(np.diagonal(self._noise_blocks[:3], axis1=1, axis2=2))
 
     def adjoint(self, vector: Floats) -> Floats:
         """Return A^T x, shape (2 * n_dof,)."""
