@@ -171,7 +171,7 @@ def follow(
         parameters.tracking,
         glove,
         hand.noise,
-        hand.calibration.marker_sd,
+        hand.marker_sd,
     )
 
 

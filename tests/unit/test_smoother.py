@@ -83,7 +83,7 @@ def ours(problem, motion):
             x, p = transition(motion) @ x, from_blocks(motion.predict_covariance(to_blocks(p)))
         left = p[:, :N_DOF]
         information, gradient = rows.T @ rows / NOISE**2, rows.T @ (values - rows @ x[:N_DOF]) / NOISE**2
-        solved = solve_measured(left[:N_DOF], information, gradient)
+        solved = solve_measured(left[:N_DOF], np.vstack([information, gradient]))
         update = Update(State(x, x, to_blocks(p)), np.zeros(0, bool), False, solved[:-1], solved[-1])
         forward.append(State(x, x, to_blocks(p)), update)
         predictions[i] = x[:N_DOF]

@@ -1,9 +1,10 @@
 """Fast repeated kinematics of one hand: a workspace that inner loops move from frame to frame."""
 
-from functools import cached_property
+from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from graspdb_ingest.hand.model import Floats, HandModel
 
@@ -28,8 +29,8 @@ class Kinematics:
         self._data = mujoco.MjData(self.model)
         self._marker_ids = hand.marker_ids
         self._site_ids = hand.site_ids
-        self._marker_jacobian = np.zeros((len(self._marker_ids), 3, hand.n_dof))
-        self._site_jacobian = np.zeros((len(self._site_ids), 3, hand.n_dof))
+        self._marker_jacobian = _PointJacobian(self.model, self._marker_ids)
+        self._site_jacobian = _PointJacobian(self.model, self._site_ids)
 
     def move(self, q: Floats) -> None:
         """Take configuration `q`, shape (n_q,)."""
@@ -61,22 +62,58 @@ class Kinematics:
 
         The array is the workspace's own and is overwritten by the next call.
         """
-        return self._filled(self._marker_jacobian, self._marker_targets)
+        return self._marker_jacobian.at(self._data)
 
     def site_jacobian(self) -> Floats:
         """Return d(site) / d(degree of freedom), shape (20, 3, n_dof); overwritten by the next call."""
-        return self._filled(self._site_jacobian, self._site_targets)
+        return self._site_jacobian.at(self._data)
 
-    @cached_property
-    def _marker_targets(self) -> list[tuple[Floats, int]]:
-        return list(zip(self._marker_jacobian, self._marker_ids.tolist(), strict=True))
 
-    @cached_property
-    def _site_targets(self) -> list[tuple[Floats, int]]:
-        return list(zip(self._site_jacobian, self._site_ids.tolist(), strict=True))
+class _PointJacobian:
+    """Jacobian of points on the hand, all at once: MuJoCo's own takes a call a point.
 
-    def _filled(self, jacobian: Floats, targets: list[tuple[Floats, int]]) -> Floats:
-        mujoco.mj_comPos(self.model, self._data)
-        for target, site in targets:
-            mujoco.mj_jacSite(self.model, self._data, target, None, site)
-        return jacobian
+    A degree of freedom that turns about an axis a and moves a reference point by v moves a point x
+    from there by v + a x x, which is linear in (x, 1). So one product gives what each of them does
+    to each point; those that do not carry the point's segment are then taken out.
+    """
+
+    def __init__(self, model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
+        self._model, self._ids = model, ids
+        bodies = model.site_bodyid[ids]
+        self._roots = model.body_rootid[bodies]
+        self._carries = np.repeat(_carries(model)[bodies].astype(float)[:, None], 3, axis=1)
+        self._points = np.ones((len(ids), 4))
+        self._moving = np.empty((12, model.nv))
+        self._moved = np.empty((len(ids), 3 * model.nv))
+        self._jacobian: Floats = np.empty(self._carries.shape)
+
+    def at(self, data: mujoco.MjData) -> Floats:
+        """Return d(point) / d(degree of freedom), shape (n_points, 3, n_dof), where MuJoCo has them now."""
+        mujoco.mj_comPos(self._model, data)  # finds a and v, and the reference point of each root
+        np.dot(_OF_POINT, data.cdof.T, out=self._moving)
+        self._points[:, :3] = data.site_xpos.take(self._ids, axis=0)
+        self._points[:, :3] -= data.subtree_com.take(self._roots, axis=0)
+        np.dot(self._points, self._moving.reshape(4, -1), out=self._moved)
+        np.multiply(self._moved.reshape(self._carries.shape), self._carries, out=self._jacobian)
+        return self._jacobian
+
+
+def _of_point() -> Floats:
+    """Return what turns (a, v) into the coefficients of x, y, z and 1 in v + a x (x, y, z), shape (12, 6)."""
+    matrix = np.zeros((4, 3, 6))
+    matrix[:3, :, :3] = [np.cross(np.eye(3), unit).T for unit in np.eye(3)]
+    matrix[3, :, 3:] = np.eye(3)
+    return matrix.reshape(12, 6)
+
+
+_OF_POINT: Final = _of_point()
+
+
+def _carries(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return which degrees of freedom move which bodies, shape (n_bodies, n_dof)."""
+    carries = np.zeros((model.nbody, model.nv), dtype=bool)
+    for body in range(1, model.nbody):  # parents come first
+        carries[body] = carries[model.body_parentid[body]]
+        first = model.body_dofadr[body]
+        carries[body, first : first + model.body_dofnum[body]] = True
+    return carries

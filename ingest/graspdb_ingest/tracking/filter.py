@@ -18,7 +18,14 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
-from graspdb_ingest.tracking.motion import Blocks, MotionModel, from_blocks, left_half, to_blocks
+from graspdb_ingest.tracking.motion import (
+    Blocks,
+    MotionModel,
+    from_blocks,
+    left_half,
+    make_symmetric,
+    to_blocks,
+)
 
 LIMIT_SD: Final = np.deg2rad(0.5)
 """Tightness with which an angle beyond its limit is pulled back to it [rad]."""
@@ -126,10 +133,11 @@ class HandFilter:
         self._kinematics = kinematics
         self._hand = kinematics.hand
         self._n = kinematics.hand.n_dof
-        self._limits = kinematics.hand.joint_range
+        self._lowest, self._highest = kinematics.hand.joint_range.T.copy()
         self._motion = motion
         self._prior = prior
-        self._weight = 1 / marker_sd**2
+        self._root_weight = 1 / marker_sd
+        self._rows = np.empty((len(marker_sd), 3, self._n + 1))
         self._gate = float(chi2.ppf(gate, df=3))
         self._angle_gate = float(chi2.ppf(gate, df=1))
 
@@ -144,7 +152,7 @@ class HandFilter:
         turn of its covariance is left out.
         """
         offset = np.zeros(self._n)
-        offset[FREE:] = state.q[SEVEN:] - self._prior.mean
+        np.subtract(state.q[SEVEN:], self._prior.mean, out=offset[FREE:])
         change, velocity = self._motion.predict_mean(offset, state.velocity)
         blocks = self._motion.predict_covariance(state.blocks)
         return State(self._hand.integrate(state.q, change), velocity, blocks)
@@ -179,23 +187,22 @@ class HandFilter:
         angles = None if readings is None else self._angles(state, readings)
         if not used.any() and angles is None:
             return Update(state, used, False, np.zeros((self._n, self._n)), np.zeros(self._n))
-        weight = np.where(used, self._weight, 0.0)
-        step = np.zeros(2 * self._n)
+        last: Floats | None = None
         for _ in range(MAXIMUM_LINEARISATIONS):
-            last = step[: self._n]
-            information, gradient = _normal_equations(jacobian, innovation, weight, last)
+            normal = self._normal_equations(jacobian, innovation, used, last)
             if angles is not None:
                 dofs, precision, innovations = angles
-                information[dofs, dofs] += precision
-                gradient[dofs] += precision * innovations
-            at_limit, solved = self._solve(state, information, gradient)
-            step = left_half(state.blocks) @ solved[-1]
-            if np.abs(step[3 : self._n] - last[3:]).max() < LARGE_STEP:
+                normal[dofs, dofs] += precision
+                normal[-1, dofs] += precision * innovations
+            at_limit, solved, step = self._solve(state, normal)
+            change = step[: self._n]
+            turned = change[3:] if last is None else change[3:] - last[3:]
+            if turned @ turned < LARGE_STEP**2 or np.abs(turned).max() < LARGE_STEP:
                 break
-            moved = self._hand.integrate(state.q, step[: self._n])
-            jacobian, innovation = self._linearise(moved, observed, seen)
+            last = change
+            jacobian, innovation = self._linearise(self._hand.integrate(state.q, last), observed, seen)
         corrected = State(
-            self._hand.integrate(state.q, step[: self._n]),
+            self._hand.integrate(state.q, change),
             state.velocity + step[self._n :],
             _corrected(state.blocks, solved[:-1]),
         )
@@ -226,71 +233,99 @@ class HandFilter:
         A marker's own noise alone never gives a shorter distance than the whole spread does, so
         the spread is needed only where the noise alone does not explain the innovation.
         """
-        doubtful = np.einsum("mi,mi->m", innovation, innovation) * self._weight > self._gate
+        scaled = innovation * self._root_weight[:, None]
+        scaled *= scaled
+        doubtful = scaled @ _ONES > self._gate
         if not doubtful.any():
             return seen
         rows = jacobian[doubtful]
         spread = rows @ state.position_covariance @ rows.transpose(0, 2, 1)
-        spread[:, range(3), range(3)] += 1 / self._weight[doubtful, None]
+        spread[:, range(3), range(3)] += 1 / self._root_weight[doubtful, None] ** 2
         solved = np.linalg.solve(spread, innovation[doubtful, :, None])[..., 0]
         passing = seen.copy()
         passing[doubtful] = np.einsum("mi,mi->m", innovation[doubtful], solved) <= self._gate
         return passing
 
-    def _solve(self, state: State, information: Floats, gradient: Floats) -> tuple[bool, Floats]:
-        """Return whether a joint is held at its limit, and J^T S^-1 [J, y] transposed.
+    def _normal_equations(
+        self, jacobian: Floats, innovation: Floats, used: Bools, linearised_at: Floats | None
+    ) -> Floats:
+        """Return J^T R^-1 J and, as one row more, J^T R^-1 y, shape (n_dof + 1, n_dof).
+
+        `linearised_at` is the step at which J was taken, None for the prediction itself. Rows of
+        markers that are not used are zero. Both come of one product of [J, y] with itself.
+        """
+        rows, root = self._rows, (self._root_weight * used)[:, None]
+        np.multiply(jacobian, root[:, None], out=rows[:, :, :-1])
+        np.multiply(innovation, root, out=rows[:, :, -1])
+        flat = rows.reshape(-1, self._n + 1)
+        normal: Floats = (flat.T @ flat)[:, :-1].copy()
+        if linearised_at is not None:
+            normal[-1] += normal[:-1] @ linearised_at
+        return normal
+
+    def _solve(self, state: State, normal: Floats) -> tuple[bool, Floats, Floats]:
+        """Return whether a joint is held at its limit, J^T S^-1 [J, y] transposed, and the step.
 
         Angles that leave their limits are measured to be there.
         """
-        left = state.position_covariance
-        solved = solve_measured(left, information, gradient)
-        angles = state.q[SEVEN:] + left[FREE:] @ solved[-1]
-        beyond = (angles < self._limits[:, 0]) | (angles > self._limits[:, 1])
-        if not beyond.any():
-            return False, solved
-        held = np.flatnonzero(beyond)
-        nearest = np.clip(angles[held], self._limits[held, 0], self._limits[held, 1])
-        information[held + FREE, held + FREE] += 1 / LIMIT_SD**2
-        gradient[held + FREE] += (nearest - state.q[SEVEN + held]) / LIMIT_SD**2
-        return True, solve_measured(left, information, gradient)
+        left = left_half(state.blocks)
+        solved = solve_measured(left[: self._n], normal)
+        step = left @ solved[-1]
+        angles = state.q[SEVEN:] + step[FREE : self._n]
+        beyond = (angles < self._lowest) | (angles > self._highest)
+        held = beyond.nonzero()[0]
+        if not len(held):
+            return False, solved, step
+        angles = angles[held]
+        nearest = np.clip(angles, self._lowest[held], self._highest[held])
+        solved = _measured_besides(left[: self._n], solved, held + FREE, nearest - angles)
+        return True, solved, left @ solved[-1]
 
 
-def _normal_equations(
-    jacobian: Floats, innovation: Floats, weight: Floats, linearised_at: Floats
-) -> tuple[Floats, Floats]:
-    """Return J^T R^-1 J and J^T R^-1 y; `linearised_at` is the step at which J was taken."""
-    rows = jacobian.reshape(-1, jacobian.shape[-1])
-    weighted = (jacobian * weight[:, None, None]).reshape(rows.shape).T
-    information = weighted @ rows
-    return information, weighted @ innovation.reshape(-1) + information @ linearised_at
+_ONES: Final = np.ones(3)
 
 
-def solve_measured(covariance: Floats, information: Floats, gradient: Floats) -> Floats:
+def _measured_besides(
+    covariance: Floats, solved: Floats, dofs: NDArray[np.int64], innovation: Floats
+) -> Floats:
+    """Return what `solve_measured` gives if some degrees of freedom are then measured with `LIMIT_SD`.
+
+    The correction by a second measurement E after a first: J^T S^-1 J grows by W E^T V^-1 E W^T with
+    W = I - J^T S^-1 J P, V the covariance of the second innovation.
+    """
+    inverse = solved[:-1]
+    rest = -(covariance[dofs] @ inverse)  # rows of W^T: both matrices are symmetric
+    rest[range(len(dofs)), dofs] += 1
+    spread = rest @ covariance[:, dofs]
+    spread[range(len(dofs)), range(len(dofs))] += LIMIT_SD**2
+    gain = np.linalg.solve(spread, np.column_stack([rest, innovation]))
+    besides = np.empty_like(solved)
+    np.matmul(rest.T, gain[:, :-1], out=besides[:-1])
+    np.matmul(gain[:, -1], rest, out=besides[-1])
+    besides += solved
+    return besides
+
+
+def solve_measured(covariance: Floats, normal: Floats) -> Floats:
     """Return (I + A P)^-1 [A, g] transposed, shape (n + 1, n): J^T S^-1 [J, y].
 
-    With A = J^T R^-1 J and g = J^T R^-1 y, by the matrix inversion lemma, for any number of markers.
-    LAPACK wants columns: the transpose of the array P A + I, rows in order, is A P + I.
+    With A = J^T R^-1 J and g = J^T R^-1 y, the rows of `normal`, by the matrix inversion lemma, for any
+    number of markers. LAPACK wants columns: the transpose of the array P A + I, rows in order, is A P + I.
     """
-    n = len(gradient)
-    matrix = covariance @ information
+    n = len(covariance)
+    matrix = covariance @ normal[:n]
     matrix.reshape(-1)[:: n + 1] += 1
-    right = np.empty((n + 1, n))
-    right[:n], right[n] = information, gradient
-    _, _, solved, _ = dgesv(matrix.T, right.T, overwrite_a=True, overwrite_b=True)
+    _, _, solved, _ = dgesv(matrix.T, normal.T, overwrite_a=True)
     return np.asarray(solved.T)
 
 
 def _corrected(blocks: Blocks, inverse: Floats) -> Blocks:
     """Return P - P H^T S^-1 H P, with J^T S^-1 J = `inverse`."""
-    left = left_half(blocks)
-    gained = left @ inverse
-    corrected = np.empty_like(blocks)
-    np.matmul(gained, -blocks[2], out=left_half(corrected))
-    corrected[2:] += blocks[2:]
     n = len(inverse)
-    np.subtract(blocks[1], gained[n:] @ blocks[0], out=corrected[1])
-    for diagonal in corrected[1:3]:
-        diagonal += diagonal.T.copy()
-        diagonal *= 0.5
-    corrected[0] = corrected[3].T
+    gained = left_half(blocks) @ inverse
+    corrected = np.empty_like(blocks)
+    np.matmul(gained, blocks[2], out=left_half(corrected))
+    np.matmul(gained[n:], blocks[0], out=corrected[1])
+    np.subtract(blocks[1:], corrected[1:], out=corrected[1:])
+    make_symmetric(corrected)
     return corrected

@@ -65,16 +65,16 @@ class Follower:
         readings : JointReadings, optional
             Joint angles that were measured besides.
         """
-        seen = visible(observed)
-        self._unseen = 0 if seen.any() else self._unseen + 1
+        seen = np.count_nonzero(visible(observed))
+        self._unseen = 0 if seen else self._unseen + 1
         if self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after:
             self._state = None
         if self._state is None:
             return self._start(observed, readings)
         predicted = self._filter.predict(self._state)
         update = self._filter.update(predicted, observed, readings=readings)
-        rejected = seen.sum() - update.used.sum()
-        self._doubtful = self._doubtful + 1 if 2 * rejected > seen.sum() else 0
+        rejected = seen - np.count_nonzero(update.used)
+        self._doubtful = self._doubtful + 1 if 2 * rejected > seen else 0
         self._state = update.state
         return Followed(predicted, update)
 

@@ -80,23 +80,34 @@ class MotionModel:
 
     def predict_covariance(self, covariance: Blocks) -> Blocks:
         """Return A P A^T + Q."""
-        predicted = _congruent(covariance, self._forward)
-        predicted += self._noise_blocks
-        return predicted
+        return _congruent(covariance, self._forward, self._noise_blocks[1:])
 
     def adjoint(self, vector: Floats) -> Floats:
         """Return A^T x, shape (2 * n_dof,)."""
         of_position, of_velocity = vector.reshape(2, -1)
-        return np.concatenate(
-            [
-                self.position_position * of_position + self.velocity_position * of_velocity,
-                self.position_velocity * of_position + self.velocity_velocity * of_velocity,
-            ]
-        )
+        adjoint: Floats = self._of_position * of_position
+        adjoint += self._of_velocity * of_velocity
+        return adjoint.reshape(-1)
 
     def adjoint_matrix(self, matrix: Blocks) -> Blocks:
         """Return A^T X A of a symmetric X."""
         return _congruent(matrix, self._backward)
+
+    @cached_property
+    def _by_offset(self) -> Floats:
+        return np.array([self.position_position - 1, self.velocity_position])
+
+    @cached_property
+    def _by_velocity(self) -> Floats:
+        return np.array([self.position_velocity, self.velocity_velocity])
+
+    @cached_property
+    def _of_position(self) -> Floats:
+        return np.array([self.position_position, self.position_velocity])
+
+    @cached_property
+    def _of_velocity(self) -> Floats:
+        return np.array([self.velocity_position, self.velocity_velocity])
 
     @cached_property
     def _forward(self) -> Floats:
@@ -119,8 +130,9 @@ class MotionModel:
 
         `offset` is the posture minus its mean; it plays no part for the free joint.
         """
-        change = (self.position_position - 1) * offset + self.position_velocity * velocity
-        return change, self.velocity_position * offset + self.velocity_velocity * velocity
+        moved = self._by_offset * offset
+        moved += self._by_velocity * velocity
+        return moved[0], moved[1]
 
 
 def motion_model(hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float) -> MotionModel:
@@ -209,6 +221,14 @@ def right_half(blocks: Blocks) -> Floats:
     return blocks[:2].reshape(-1, blocks.shape[2])
 
 
+def make_symmetric(blocks: Blocks) -> None:
+    """Make blocks those of a symmetric matrix again, in place, where rounding has left them askew."""
+    own = blocks[1:3]
+    own += own.transpose(0, 2, 1).copy()
+    own *= 0.5
+    blocks[0] = blocks[3].T
+
+
 def _congruence(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     """Return what `_congruent` multiplies blocks with for B of the diagonals [[a, b], [c, d]]."""
     rows = [
@@ -219,10 +239,14 @@ def _congruence(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return np.array(rows).reshape(3, 4, -1)
 
 
-def _congruent(blocks: Blocks, factors: Floats) -> Blocks:
-    """Return B X B^T of a symmetric X, element by element, B's blocks being diagonal."""
+def _congruent(blocks: Blocks, factors: Floats, more: Floats | None = None) -> Blocks:
+    """Return B X B^T of a symmetric X, element by element, B's blocks being diagonal.
+
+    `more`, the last three blocks of another symmetric matrix, is added.
+    """
     result = np.empty_like(blocks)
-    flat = result.reshape(4, -1)
-    np.einsum("ijk,jk->ik", factors, blocks.reshape(4, -1), out=flat[1:])
+    np.einsum("ijk,jk->ik", factors, blocks.reshape(4, -1), out=result.reshape(4, -1)[1:])
+    if more is not None:
+        result[1:] += more
     result[0] = result[3].T
     return result

@@ -14,10 +14,10 @@ import numpy as np
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, right_half
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, make_symmetric, right_half
 
-BLOCK: Final = 256
-"""Frames that are smoothed before anything is done with them."""
+BLOCK: Final = 64
+"""Frames that are smoothed before anything is done with them: few enough for the processor's cache."""
 DOUBLE_FRAMES: Final = 12_000
 """Longer recordings keep their forward pass in single precision, 10 kB a frame for 29 degrees of freedom."""
 
@@ -92,17 +92,19 @@ class ForwardPass:
         for i in reversed(range(self._length)):
             if i < self._length - 1:
                 adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
-                matrix[1] = (matrix[1] + matrix[1].T) * 0.5
             inverse = self._inverse[i].astype(float, copy=False)
             # Through the measurement: its I - K H leaves velocities alone.
-            through = self._columns[i] @ -inverse
+            through = self._columns[i] @ inverse
+            np.negative(through, out=through)
             through.reshape(-1)[: n * n : n + 1] += 1
-            reduced = _times(matrix, through)
-            corner = through.T @ reduced + inverse
-            matrix[2] = (corner + corner.T) * 0.5
-            matrix[3] = reduced[n:]
-            matrix[0] = reduced[n:].T
-            adjoint[:n] = adjoint @ through - self._weighted[i]
+            measured = np.empty_like(matrix)
+            reduced = _times(matrix, through, out=left_half(measured))
+            np.add(through.T @ reduced, inverse, out=measured[2])
+            measured[1] = matrix[1]
+            make_symmetric(measured)
+            matrix = measured
+            adjoint[:n] = adjoint @ through
+            adjoint[:n] -= self._weighted[i]
             yield i, adjoint, matrix
 
     def step(self, frame: int, adjoint: Floats) -> Floats:
@@ -117,22 +119,23 @@ class ForwardPass:
         motion : MotionModel
             The step between frames that the forward pass predicted with.
         """
-        n = self._weighted.shape[1]
-        steps, covariances = np.empty((BLOCK, n)), np.empty((BLOCK, n, n))
-        stop = self._length
+        n, stop = self._weighted.shape[1], self._length
+        adjoints, products = np.empty((BLOCK, 1, 2 * n)), np.empty((BLOCK, 2 * n, n))
         for i, adjoint, matrix in self.backward(motion):
-            left = self._columns[i].astype(float, copy=False)
             place = i % BLOCK
-            steps[place] = -(adjoint @ left)
-            covariances[place] = left[:n] - left.T @ _times(matrix, left)
+            adjoints[place] = adjoint
+            _times(matrix, self._columns[i].astype(float, copy=False), out=products[place])
             if place == 0:
-                yield Smoothed(slice(i, stop), steps[: stop - i].copy(), covariances[: stop - i].copy())
+                length, left = stop - i, self._columns[i:stop].astype(float, copy=False)
+                covariance = left.transpose(0, 2, 1) @ products[:length]
+                np.subtract(left[:, :n], covariance, out=covariance)
+                yield Smoothed(slice(i, stop), -(adjoints[:length] @ left)[:, 0], covariance)
                 stop = i
 
 
-def _times(matrix: Blocks, columns: Floats) -> Floats:
-    """Return X C for columns C of shape (2 * n, n)."""
+def _times(matrix: Blocks, columns: Floats, out: Floats) -> Floats:
+    """Return X C for columns C of shape (2 * n, n), in `out`."""
     n = columns.shape[1]
-    product = left_half(matrix) @ columns[:n]
-    product += right_half(matrix) @ columns[n:]
-    return product
+    np.matmul(left_half(matrix), columns[:n], out=out)
+    out += right_half(matrix) @ columns[n:]
+    return out
