@@ -148,7 +148,7 @@ def track_hand(
     )
     repaired = without(markers, faults)
     if np.array_equal(repaired, trusted, equal_nan=True):
-        return track
+        return replace(track, faults=faults)
     relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
     return replace(passes.track(relabelled, repaired), faults=faults)
 
