@@ -116,6 +116,15 @@ class PreparedHand:
     noise: MotionNoise
     notes: tuple[str, ...] = ()
 
+    @property
+    def marker_sd(self) -> Floats:
+        """Standard deviation that each marker has at the least in tracking, shape (n_markers,) [m].
+
+        Skin moves slowly, so that postures fitted to single frames take most of its movement up, and
+        calibration sees less of it than there is. The usual deviation is therefore added to what it found.
+        """
+        return np.hypot(self.calibration.marker_sd, TrackingParameters().marker_sd)
+
 
 def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
     """Load an object's surface, sample its cloud and describe its points and its mechanics."""

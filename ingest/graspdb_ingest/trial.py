@@ -163,7 +163,16 @@ def follow(
     glove: GloveMeasurement | None = None,
 ) -> HandTrack:
     """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
-    return track_hand(hand.hand, markers, rate, hand.prior, parameters.tracking, glove, hand.noise)
+    return track_hand(
+        hand.hand,
+        markers,
+        rate,
+        hand.prior,
+        parameters.tracking,
+        glove,
+        hand.noise,
+        hand.marker_sd,
+    )
 
 
 def _compare(

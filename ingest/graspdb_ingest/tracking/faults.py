@@ -145,7 +145,7 @@ def find_swaps(markers: Floats, modelled: Floats, rejected: Bools) -> Iterator[F
             yield Fault("swapped", pair, start, stop)
 
 
-def find_drifts(residuals: Floats, rejected: Bools, rate: float, marker_sd: float) -> Iterator[Fault]:
+def find_drifts(residuals: Floats, rejected: Bools, rate: float, marker_sd: Floats) -> Iterator[Fault]:
     """Yield stretches in which a marker stays where the hand's own movement cannot have brought it.
 
     Parameters
@@ -156,19 +156,20 @@ def find_drifts(residuals: Floats, rejected: Bools, rate: float, marker_sd: floa
         Seen markers that did not pass the filter's gate.
     rate : float
         Frames per second [Hz].
-    marker_sd : float
-        Standard deviation of a marker [m].
+    marker_sd : ndarray, shape (n_markers,)
+        Standard deviation of each marker [m].
     """
     width = max(1, round(DRIFT_TIME * rate))
     seen = np.isfinite(residuals[..., 0])
     share = uniform_filter1d(seen.astype(float), width, axis=0)
     mean = uniform_filter1d(np.where(seen[..., None], residuals, 0.0), width, axis=0)
     distance = np.linalg.norm(mean, axis=2) / np.maximum(share, 1 / width)
-    away = (distance > max(DRIFT, DRIFT_SDS * marker_sd)) & (share > 0.5)
+    beyond = distance > np.maximum(DRIFT, DRIFT_SDS * marker_sd)
+    away = beyond & (share > 0.5)
     worst = away & (distance >= np.where(away, distance, 0.0).max(axis=1, keepdims=True))
     bridge = max(1, round(BRIDGED_TIME * rate))
     padded = np.pad(rejected, ((bridge, bridge), (0, 0)))
-    stays = binary_closing(padded, np.ones((bridge, 1), dtype=bool))[bridge:-bridge] & seen
+    stays = binary_closing(padded, np.ones((bridge, 1), dtype=bool))[bridge:-bridge] & beyond & seen
     for marker in np.flatnonzero((worst | stays).any(axis=0)):
         for start, stop in _runs(worst[:, marker] | stays[:, marker]):
             if stop - start >= width:

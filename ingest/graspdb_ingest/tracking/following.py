@@ -55,9 +55,7 @@ class Follower:
         self._doubtful = 0
         self._unseen = 0
 
-    def step(
-        self, observed: Floats, readings: JointReadings | None = None, activity: Floats | None = None
-    ) -> Followed:
+    def step(self, observed: Floats, readings: JointReadings | None = None) -> Followed:
         """Take one frame.
 
         Parameters
@@ -66,8 +64,6 @@ class Follower:
             Marker positions [m], NaN where not seen.
         readings : JointReadings, optional
             Joint angles that were measured besides.
-        activity : ndarray, shape (n_dof,), optional
-            Process noise of the step to this frame, as shares of the assumed one.
         """
         seen = np.count_nonzero(visible(observed))
         self._unseen = 0 if seen else self._unseen + 1
@@ -75,7 +71,7 @@ class Follower:
             self._state = None
         if self._state is None:
             return self._start(observed, readings)
-        predicted = self._filter.predict(self._state, activity)
+        predicted = self._filter.predict(self._state)
         update = self._filter.update(predicted, observed, readings=readings)
         rejected = seen - np.count_nonzero(update.used)
         self._doubtful = self._doubtful + 1 if 2 * rejected > seen else 0
@@ -105,10 +101,15 @@ def make_follower(
     parameters: TrackingParameters,
     rate: float,
     noise: MotionNoise | None = None,
+    marker_sd: Floats | None = None,
 ) -> Follower:
-    """Return the forward pass of a hand, frame by frame; the workspace is its own from now on."""
-    sd = parameters.marker_sd if noise is None else noise.marker_sd
-    marker_sd = np.full(len(kinematics.hand.markers), sd)
+    """Return the forward pass of a hand, frame by frame; the workspace is its own from now on.
+
+    `marker_sd` are the least standard deviations that markers have, where calibration found them.
+    """
+    usual = parameters.marker_sd if noise is None else noise.marker_sd
+    least = np.zeros(len(kinematics.hand.markers)) if marker_sd is None else marker_sd
+    marker_sd = np.maximum(least, usual)
     filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
     return Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
 
@@ -147,7 +148,6 @@ def follow(
     follower: Follower,
     markers: Floats,
     glove: GloveMeasurement | None,
-    activities: Floats,
     forward: ForwardPass,
 ) -> Iterator[Stretch]:
     """Run the filter over a recording and yield every stretch in which the hand was not lost.
@@ -160,8 +160,6 @@ def follow(
         Marker positions [m], NaN where not seen.
     glove : GloveMeasurement or None
         Joint angles of a data glove.
-    activities : ndarray, shape (n_frames, n_dof)
-        Process noise of each frame as shares of the assumed one.
     forward : ForwardPass
         Memory for a stretch as long as the recording.
     """
@@ -172,7 +170,7 @@ def follow(
         followed = Followed(None, None)
         if i < len(markers):
             readings = None if glove is None else glove.frame(i)
-            followed = follower.step(markers[i], readings, activities[i])
+            followed = follower.step(markers[i], readings)
         if qs and (followed.started or followed.update is None):
             yield Stretch(i - len(qs), np.array(qs), np.array(used), np.array(limits), forward)
             forward.clear()

@@ -78,18 +78,9 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
-        """Return A P A^T + Q, Q multiplied by each degree of freedom's `activity`, shape (n_dof,)."""
-        noise = self._noise_blocks[1:]
-        if activity is not None:
-            root = np.sqrt(activity)
-            noise = noise * (root[:, None] * root)
-        return _congruent(covariance, self._forward, noise)
-
-    @cached_property
-    def own_noise(self) -> Floats:
-        """Q of each degree of freedom: position with velocity, velocity, position; shape (3, n_dof)."""
-        return np.array(np.diagonal(self._noise_blocks[:3], axis1=1, axis2=2))
+    def predict_covariance(self, covariance: Blocks) -> Blocks:
+        """Return A P A^T + Q."""
+        return _congruent(covariance, self._forward, self._noise_blocks[1:])
 
     def adjoint(self, vector: Floats) -> Floats:
         """Return A^T x, shape (2 * n_dof,)."""

@@ -1,4 +1,4 @@
-"""A hand followed through a recording: forward, backward, and once more with what was learnt of it."""
+"""A hand followed through a recording: forward, backward, and once more without faulty markers."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -9,7 +9,6 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.activity import FIRST, activity, joint_groups, movement
 from graspdb_ingest.tracking.faults import (
     Fault,
     find_breaks,
@@ -86,11 +85,12 @@ def track_hand(
     parameters: TrackingParameters,
     glove: GloveMeasurement | None = None,
     noise: MotionNoise | None = None,
+    marker_sd: Floats | None = None,
 ) -> HandTrack:
     """Follow a hand through a recording.
 
-    The recording is passed twice, forward and backward. The first time finds out how much the hand
-    moves from moment to moment, the second time uses it.
+    The recording is passed forward and backward. Where markers turn out faulty, or those that were
+    suspected turn out right, it is passed once more.
 
     Parameters
     ----------
@@ -108,6 +108,8 @@ def track_hand(
         Joint angles of a data glove, in every frame.
     noise : MotionNoise, optional
         Scales of movement and marker noise; those that the parameters assume where left out.
+    marker_sd : ndarray, shape (n_markers,), optional
+        Standard deviation that each marker has at the least, as calibration found it [m].
 
     Returns
     -------
@@ -126,23 +128,29 @@ def track_hand(
             "Check marker_names in session.yaml, or the recording's labels.",
         )
     noise = MotionNoise.assumed(parameters) if noise is None else noise
-    passes = _Passes(hand, rate, prior, parameters, glove, noise, len(markers))
+    least = np.zeros(len(hand.markers)) if marker_sd is None else marker_sd
+    deviations = np.maximum(least, noise.marker_sd)
+    passes = _Passes(hand, rate, prior, parameters, glove, noise, deviations, len(markers))
     frozen = list(find_frozen(markers, rate))
     kept = without(markers, frozen)
-    suspects = find_breaks(kept, rate, noise.marker_sd)
+    suspects = find_breaks(kept, rate, float(deviations.max()))
     trusted = without(kept, [replace(suspect, kind="jumping") for suspect in suspects])
-    learnt = passes.learn(trusted)
-    rejected = visible(trusted) & ~learnt.used
-    swaps = list(find_swaps(trusted, learnt.modelled, rejected))
-    trusted, rejected = _put_right(trusted, rejected, swaps)
+    track = passes.track(markers, trusted)
+    modelled = markers - track.residuals
+    rejected = visible(trusted) & ~track.used
+    swaps = list(find_swaps(trusted, modelled, rejected))
+    put_right, rejected = _put_right(trusted, rejected, swaps)
     faults = (
         *frozen,
-        *judge(suspects, kept, learnt.modelled, rate),
+        *judge(suspects, kept, modelled, rate),
         *swaps,
-        *find_drifts(trusted - learnt.modelled, rejected, rate, noise.marker_sd),
+        *find_drifts(put_right - modelled, rejected, rate, deviations),
     )
+    repaired = without(markers, faults)
+    if np.array_equal(repaired, trusted, equal_nan=True):
+        return replace(track, faults=faults)
     relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
-    return passes.track(relabelled, without(markers, faults), learnt.activities, faults)
+    return replace(passes.track(relabelled, repaired), faults=faults)
 
 
 def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Floats, Bools]:
@@ -151,25 +159,6 @@ def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Fl
     for fault in swaps:
         rejected[fault.start : fault.stop, list(fault.markers)] = False
     return without(markers, swaps), rejected
-
-
-@dataclass(frozen=True)
-class _Learnt:
-    """What the first pass tells the second.
-
-    Attributes
-    ----------
-    activities : ndarray, shape (n_frames, n_dof)
-        How much each degree of freedom moves, as shares of what is assumed.
-    modelled : ndarray, shape (n_frames, n_markers, 3)
-        Where the smoothed hand has its markers [m], NaN where it is not known.
-    used : ndarray of bool, shape (n_frames, n_markers)
-        Markers that were seen and passed the gate.
-    """
-
-    activities: Floats
-    modelled: Floats
-    used: Bools
 
 
 class _Passes:
@@ -183,38 +172,20 @@ class _Passes:
         parameters: TrackingParameters,
         glove: GloveMeasurement | None,
         noise: MotionNoise,
+        marker_sd: Floats,
         n_frames: int,
     ) -> None:
         self._hand, self._rate = hand, rate
-        self._prior, self._parameters, self._glove, self._noise = prior, parameters, glove, noise
+        self._prior, self._parameters, self._glove = prior, parameters, glove
+        self._noise, self._marker_sd = noise, marker_sd
         self._kinematics = Kinematics(hand)
         self._motion = motion_model(hand, prior, noise, 1 / rate)
         self._forward = ForwardPass(n_frames, hand.n_dof)
 
-    def learn(self, markers: Floats) -> _Learnt:
-        """Pass once, and return what that tells of movement and markers."""
-        hand, groups = self._hand, joint_groups(self._hand)
-        learnt = _Learnt(
-            np.full((len(markers), hand.n_dof), FIRST),
-            np.full(markers.shape, np.nan),
-            np.zeros(markers.shape[:2], dtype=bool),
-        )
-        for stretch in self._stretches(markers, learnt.activities.copy()):
-            movements = np.empty((len(stretch.q), 2, hand.n_dof))
-            learnt.used[stretch.rows] = stretch.used
-            for i, adjoint, matrix in stretch.forward.backward(self._motion):
-                movements[i] = movement(self._motion, adjoint, matrix)
-                self._kinematics.move(hand.integrate(stretch.q[i], stretch.forward.step(i, adjoint)))
-                learnt.modelled[stretch.first + i] = self._kinematics.markers
-            learnt.activities[stretch.rows] = activity(movements, groups, self._rate)
-        return learnt
-
-    def track(
-        self, relabelled: Floats, repaired: Floats, activities: Floats, faults: tuple[Fault, ...]
-    ) -> HandTrack:
+    def track(self, relabelled: Floats, repaired: Floats) -> HandTrack:
         """Return the smoothed track of the repaired markers; residuals are those of all of them."""
-        track = _empty_track(self._hand, relabelled, faults)
-        for stretch in self._stretches(repaired, activities):
+        track = _empty_track(self._hand, relabelled)
+        for stretch in self._stretches(repaired):
             rows = stretch.rows
             track.used[rows], track.at_limit[rows] = stretch.used, stretch.at_limit
             for part in stretch.forward.smooth(self._motion):
@@ -222,11 +193,18 @@ class _Passes:
         track.residuals[:] += relabelled
         return track
 
-    def _stretches(self, markers: Floats, activities: Floats) -> Iterator[Stretch]:
+    def _stretches(self, markers: Floats) -> Iterator[Stretch]:
         follower = make_follower(
-            self._kinematics, self._motion, self._prior, self._parameters, self._rate, self._noise
+            self._kinematics,
+            self._motion,
+            self._prior,
+            self._parameters,
+            self._rate,
+            self._noise,
+            self._marker_sd,
         )
-        return follow(follower, markers, self._glove, activities, self._forward)
+        self._forward.clear()
+        return follow(follower, markers, self._glove, self._forward)
 
     def _write(self, track: HandTrack, stretch: Stretch, part: Smoothed) -> None:
         """Write a block of smoothed frames into the track, with the sites' standard deviations."""
@@ -248,7 +226,7 @@ class _Passes:
         track.sites_sd[rows] = np.sqrt(variance.reshape(-1, N_SITES, 3).sum(axis=2))
 
 
-def _empty_track(hand: HandModel, markers: Floats, faults: tuple[Fault, ...]) -> HandTrack:
+def _empty_track(hand: HandModel, markers: Floats) -> HandTrack:
     n_frames = len(markers)
     return HandTrack(
         q=np.full((n_frames, hand.n_q), np.nan),
@@ -258,5 +236,4 @@ def _empty_track(hand: HandModel, markers: Floats, faults: tuple[Fault, ...]) ->
         residuals=np.full(markers.shape, np.nan),
         used=np.zeros(markers.shape[:2], dtype=bool),
         at_limit=np.zeros(n_frames, dtype=bool),
-        faults=faults,
     )

@@ -1,4 +1,4 @@
-"""Scales of movement: their likelihood's gradient, their estimate, and how they follow a movement."""
+"""Scales of movement: their likelihood's gradient, and their estimate."""
 
 from dataclasses import astuple
 
@@ -9,10 +9,9 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking import noise as noise_module
-from graspdb_ingest.tracking.activity import FIRST, RANGE, activity, joint_groups
 from graspdb_ingest.tracking.motion import MotionNoise
 from graspdb_ingest.tracking.noise import SLOW_SD, estimate_noise
-from graspdb_schemas.vocabulary import N_DOF, Side
+from graspdb_schemas.vocabulary import Side
 
 RATE = 60.0
 NOISE = MotionNoise(1.0, 5.0, 0.5, 0.5, 0.5, 0.001)
@@ -63,17 +62,3 @@ def test_marker_noise_is_never_believed_to_be_less_than_skin_movement(hand):
 def test_without_recordings_the_assumed_scales_stand(hand):
     parameters = TrackingParameters()
     assert estimate_noise(hand, [], default_prior(hand), parameters) == MotionNoise.assumed(parameters)
-
-
-def test_process_noise_follows_what_is_found(hand):
-    groups = joint_groups(hand)
-    assert sorted(i for group in groups for i in group) == list(range(N_DOF))
-    movements = np.ones((240, 2, N_DOF))
-    assert np.allclose(activity(movements, groups, 120.0), FIRST)
-    movements[100:140, 0] = 3.0
-    movements[:60, 0] = 0.2
-    shares = activity(movements, groups, 120.0)
-    assert (shares[115:125] > FIRST).all()
-    assert (shares[:30] < FIRST).all()
-    assert shares.min() >= RANGE[0]
-    assert shares.max() <= RANGE[1]
