@@ -44,6 +44,9 @@ def test_a_committed_trial_is_seen_whole(store: Store) -> None:
         "grasps": 1,
         "contacts": 3,
         "features": 1,
+        "contact_events": 0,
+        "contact_maps": 0,
+        "reference_contacts": 2,
     }
 
 
