@@ -135,7 +135,9 @@ def _notes(geometry: HandGeometry, length_sd: Mapping[str, float], frames: Float
     unseen = [label for i, label in enumerate(geometry.hand.markers) if counts[i] == 0]
     if unseen:
         yield f"never seen, left where the manifest puts them: {', '.join(unseen)}"
-    usual = geometry.length_sd(np.zeros(geometry.n_parameters), np.diag(geometry.prior_sd**2))
+    # The whole hand's size is known from the other segments, so only a length's own spread counts.
+    own = geometry.prior_sd**2 * (np.arange(geometry.n_parameters) > 0)
+    usual = geometry.length_sd(np.zeros(geometry.n_parameters), np.diag(own))
     kept = [segment for segment, sd in length_sd.items() if sd > LEARNED * usual[segment]]
     if kept:
         yield f"the recordings do not tell these lengths, anthropometry's are kept: {', '.join(kept)}"
