@@ -57,7 +57,14 @@ def test_replaced_rows_are_taken_and_what_others_stand_on_stays(store: Store) ->
     store.commit_session(session_tables(size=2.0))
     store.commit_trial(trial_tables(1, input_key="other"))
     deleted = store.sweep()
-    assert deleted == {"markers": N_FRAMES, "frames": N_FRAMES, "grasps": 1, "contacts": 3, "features": 1}
+    assert deleted == {
+        "markers": N_FRAMES,
+        "frames": N_FRAMES,
+        "grasps": 1,
+        "contacts": 3,
+        "features": 1,
+        "reference_contacts": 2,
+    }
     store.commit_trial(trial_tables(2, input_key="other"))
     assert store.sweep() == {**deleted, "objects": 1, "object_points": N_POINTS}
     with graspdb.open(store.path) as database:
