@@ -56,7 +56,7 @@ def forward(hand, markers):
     motion = motion_model(hand, prior, noise, 1 / RATE)
     follower = make_follower(Kinematics(hand), motion, prior, tracking, RATE, noise)
     memory = ForwardPass(len(markers), hand.n_dof)
-    for stretch in follow(follower, markers, None, None, memory):
+    for stretch in follow(follower, markers, None, np.ones((len(markers), hand.n_dof)), memory):
         last = next(iter(stretch.forward.smooth(motion)))
         q = hand.integrate(stretch.q[-1], last.step[-1])
         used = stretch.used[-1]
