@@ -12,6 +12,10 @@ setup: ## make .venv with graspdb and all it needs
 demo: setup ## simulate a session, ingest it into demo/ and show what came out
 	.venv/bin/graspdb demo demo
 
+# One process a core runs the tests, so none of them shares out its matrices as well.
+test test-lowest: export OMP_NUM_THREADS = 1
+test test-lowest: export OPENBLAS_NUM_THREADS = 1
+
 test: setup ## run the tests
 	.venv/bin/python -m pytest
 

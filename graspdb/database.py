@@ -17,6 +17,7 @@ from graspdb_queries.named import named_query
 from graspdb_queries.quoting import identifier
 from graspdb_queries.result import Result
 from graspdb_queries.similar.answer import Similar
+from graspdb_queries.similar.placed import GraspsOn
 from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
@@ -227,14 +228,50 @@ class Database:
         """
         if (grasp is None) == (cloud is None):
             raise ParameterError("similar", "neither or both of a grasp and a cloud", "one of them")
-        if not (isinstance(k, int) and 1 <= k <= _MOST_HITS):
-            raise ParameterError("k", k, f"a whole number from 1 to {_MOST_HITS}")
+        _check_count(k)
         respect = Respect(by, mode, posture)
         if grasp is not None:
             return self._search.similar(self._search.question(grasp), respect, k, where)
         from graspdb.similar import part_question
 
         return self._search.similar(part_question(Path(str(cloud)), scale), respect, k, where)
+
+    def similar_on(
+        self,
+        new_object: str | PathLike[str],
+        /,
+        k: int = 10,
+        *,
+        where: str | None = None,
+        scale: float = 1.0,
+    ) -> GraspsOn:
+        """Return where people would grasp a new object: grasps of the database, laid onto it.
+
+        Parameters
+        ----------
+        new_object : path
+            A file with the whole object, as a mesh or a cloud.
+        k : int
+            How many grasps, at most.
+        where : str, optional
+            A boolean SQL expression over the columns of `grasps`; only those for which it is true count.
+        scale : float
+            Factor from the numbers of the file to metres.
+
+        Raises
+        ------
+        ObjectError
+            The file holds no object, or its size says that the unit is wrong.
+        QueryError
+            The database has no features to compare, or the filter cannot be used.
+        ParameterError
+            `k` or `scale` is out of range.
+        """
+        _check_count(k)
+        from graspdb.similar import new_object as read_object
+        from graspdb_queries.similar.grasps_on import grasps_on
+
+        return grasps_on(self._search, read_object(Path(new_object), scale), k, where)
 
     def info(self) -> Info:
         """Return what the database holds."""
@@ -261,6 +298,13 @@ class Database:
 
 
 _MOST_HITS = 1000
+
+
+def _check_count(k: int) -> None:
+    """Raise ParameterError unless so many hits may be asked for."""
+    if not (isinstance(k, int) and 1 <= k <= _MOST_HITS):
+        raise ParameterError("k", k, f"a whole number from 1 to {_MOST_HITS}")
+
 
 _SEVERAL_VERSIONS = """
     SELECT 'subject ' || session || '/' || subject FROM subjects GROUP BY session, subject HAVING count(*) > 1

@@ -5,14 +5,17 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graspdb_ingest.descriptor import describe, descriptor_kind
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.parameters import CloudParameters
+from graspdb_queries.similar.library import Cloud
 from graspdb_queries.similar.metric import Vectors
 from graspdb_queries.similar.part import Part
+from graspdb_queries.similar.places import NewObject
 from graspdb_queries.similar.question import Question
 from graspdb_schemas.errors import ObjectError
 
@@ -55,12 +58,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
             "Check --units, or cut out the part that is meant.",
         )
     cloud = _sampled(surface, parameters)
-    if len(cloud.points) < LEAST_POINTS:
-        raise ObjectError(
-            path,
-            f"{len(cloud.points)} points remain at {1e3 * parameters.spacing:g} mm from each other",
-            f"At least {LEAST_POINTS} are needed to describe a surface; check --units.",
-        )
+    _check_points(path, cloud, parameters)
     clouds = [cloud]
     if surface.faces is None and surface.normals is None:
         clouds.append(_turned(cloud))
@@ -75,6 +73,50 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
         contacts=np.empty((0, 3)),
         inside=False,
     )
+
+
+def new_object(path: Path, scale: float, parameters: CloudParameters | None = None) -> NewObject:
+    """Return a whole object, read from a file, as those of a database are described.
+
+    Parameters
+    ----------
+    path : Path
+        A mesh (STL, OBJ, PLY, GLB, OFF) or a cloud (PLY, PCD).
+    scale : float
+        Factor from the file's numbers to metres.
+    parameters : CloudParameters, optional
+        Spacing and radii; the defaults of ingest unless given.
+
+    Raises
+    ------
+    ObjectError
+        If the file cannot be read, holds too few points, or its size says that the unit is wrong.
+    """
+    parameters = parameters or CloudParameters()
+    cloud = _sampled(load_surface(path, scale), parameters)
+    _check_points(path, cloud, parameters)
+    histograms = point_histograms(cloud, parameters)
+
+    def described(rows: NDArray[np.int64]) -> Vectors:
+        return describe(cloud.points[rows], cloud.normals[rows], histograms[rows], cloud.areas[rows])
+
+    return NewObject(
+        name=str(path),
+        kind=descriptor_kind(parameters),
+        cloud=Cloud(cloud.points, cloud.normals, histograms),
+        area=float(cloud.areas.sum()),
+        describe=described,
+    )
+
+
+def _check_points(path: Path, cloud: ObjectCloud, parameters: CloudParameters) -> None:
+    """Raise ObjectError if a cloud has too few points."""
+    if len(cloud.points) < LEAST_POINTS:
+        raise ObjectError(
+            path,
+            f"{len(cloud.points)} points remain at {1e3 * parameters.spacing:g} mm from each other",
+            f"At least {LEAST_POINTS} are needed to describe a surface; check --units.",
+        )
 
 
 def _sampled(surface: Surface, parameters: CloudParameters) -> ObjectCloud:

@@ -1,6 +1,6 @@
 """The real grasps of the data set DexYCB: key points of right hands on objects of known mesh."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +29,17 @@ def prepare_objects(folder: Path, parameters: IngestParameters) -> dict[str, Pre
     }
 
 
-def read_grasps(folder: Path) -> dict[str, list[KeyPointGrasp]]:
-    """Return all grasps, by object; all hands of the data set have one size."""
+def read_grasps(
+    folder: Path, thickness: Mapping[str, float] | None = THICKNESS
+) -> dict[str, list[KeyPointGrasp]]:
+    """Return all grasps, by object; all hands of the data set have one size.
+
+    With no thicknesses of joints [m] they follow from the size of the hand, as for any key points.
+    """
     with np.load(folder / "grasps.npz") as arrays:
         joints = {name.removesuffix(".joints_m"): arrays[name].astype(np.float64) for name in arrays.files}
     measured = dimensions_of(np.concatenate(list(joints.values())))
-    size = HandDimensions(measured.hand_length, measured.hand_breadth, THICKNESS)
+    size = HandDimensions(measured.hand_length, measured.hand_breadth, thickness or {})
     return {
         name: [
             KeyPointGrasp("dexycb", f"{name}_{i}", "someone", Side.RIGHT, points, size)
@@ -44,10 +49,12 @@ def read_grasps(folder: Path) -> dict[str, list[KeyPointGrasp]]:
     }
 
 
-def find_all(folder: Path) -> Iterator[tuple[PreparedObject, KeyPointGrasp, Grasp]]:
+def find_all(
+    folder: Path, thickness: Mapping[str, float] | None = THICKNESS
+) -> Iterator[tuple[PreparedObject, KeyPointGrasp, Grasp]]:
     """Yield every grasp with contacts, hull and feature."""
     parameters = IngestParameters()
     objects = prepare_objects(folder, parameters)
-    for name, grasps in read_grasps(folder).items():
+    for name, grasps in read_grasps(folder, thickness).items():
         for described in grasps:
             yield objects[name], described, static_grasp(described, objects[name], parameters)[0]

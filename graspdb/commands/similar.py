@@ -10,6 +10,7 @@ from graspdb.commands.options import DEFAULT_DB, Db, Json
 
 if TYPE_CHECKING:
     from graspdb_queries.similar.answer import Similar
+    from graspdb_queries.similar.placed import GraspsOn
 
 
 class By(StrEnum):
@@ -66,32 +67,46 @@ def similar(
         Path | None,
         typer.Option(metavar="FILE", help="A part of an object, cloud or mesh, instead of a grasp."),
     ] = None,
+    whole: Annotated[
+        Path | None,
+        typer.Option("--object", metavar="FILE", help="A whole new object: where would people grasp it?"),
+    ] = None,
     units: Annotated[Units, typer.Option(help="Unit of the lengths in FILE.")] = Units.M,
     db: Db = DEFAULT_DB,
     as_json: Json = False,
 ) -> None:
-    """Find grasps like one of the database, or grasps of parts like one from a file.
+    """Find grasps like one of the database, of parts like one from a file, or of a whole new object.
 
     Near grasps are found by the descriptors of their features (--by feature, contact or all) or by their
     postures; the hundred nearest are then aligned and compared closely. The cost of a hit is the sum of
     its parts, each a distance over the distance that costs one, times a weight; zero is the query itself.
+    With --object grasps are laid onto the object of a file, and --json gives the hands in its frame.
     """
-    if (grasp is None) == (cloud is None):
-        raise typer.BadParameter("give a GRASP or --cloud FILE, and not both", param_hint="GRASP")
+    if sum(given is not None for given in (grasp, cloud, whole)) != 1:
+        raise typer.BadParameter("give one of a GRASP, --cloud FILE and --object FILE", param_hint="GRASP")
+    if whole is not None and (by, mode, posture) != (By.FEATURE, Mode.SHAPE, Posture.SCALED):
+        raise typer.BadParameter(
+            "with --object grasps are compared by feature and shape", param_hint="--object"
+        )
     from graspdb.database import Database
     from graspdb_schemas.units import METRES_PER
 
+    scale = METRES_PER[units.value]
     with Database(db) as database:
-        found = database.similar(
-            grasp,
-            k,
-            by=by.value,
-            mode=mode.value,
-            posture=posture.value,
-            where=where,
-            cloud=cloud,
-            scale=METRES_PER[units.value],
-        )
+        found: Similar | GraspsOn
+        if whole is not None:
+            found = database.similar_on(whole, k, where=where, scale=scale)
+        else:
+            found = database.similar(
+                grasp,
+                k,
+                by=by.value,
+                mode=mode.value,
+                posture=posture.value,
+                where=where,
+                cloud=cloud,
+                scale=scale,
+            )
     if as_json:
         import json
 
@@ -100,7 +115,7 @@ def similar(
     _show(found)
 
 
-def _show(found: "Similar") -> None:
+def _show(found: "Similar | GraspsOn") -> None:
     """Print the hits, then what the search was."""
     from graspdb.output import write_rows
 

@@ -8,8 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.glove_angles import select_glove
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.readers import read_recording
+from graspdb_ingest.readers.glove import read_glove
+from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts
 from graspdb_ingest.rigidity import DistanceReport, measure_distances, rigidity_warnings
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
@@ -183,7 +186,8 @@ def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
         distances=distances,
         warnings=_hand_warnings(markers)
         + rigidity_warnings(model, markers.object_markers, distances)
-        + _reference_warnings(session, trial),
+        + _reference_warnings(session, trial)
+        + _glove_warnings(session, trial, whole, markers),
     )
 
 
@@ -196,6 +200,21 @@ def _reference_warnings(session: Session, trial: SessionTrial) -> tuple[str, ...
     except GraspDBError as error:
         return (f"reference_contacts: {error}",)
     return ()
+
+
+def _glove_warnings(
+    session: Session, trial: SessionTrial, whole: Recording, markers: TrialMarkers
+) -> tuple[str, ...]:
+    """Return what keeps a trial's data glove from being used, and what to know of it."""
+    if trial.glove is None:
+        return ()
+    subject = session.subjects[trial.subject]
+    try:
+        hands = {side: subject_hand(session, subject, side).hand for side in markers.hands}
+        glove = read_glove(trial.glove, session.glove)
+        return select_glove(glove, whole, markers.times, hands)[1]
+    except GraspDBError as error:
+        return (f"glove: {error}",)
 
 
 def longest_gap(seen: NDArray[np.bool_]) -> int:

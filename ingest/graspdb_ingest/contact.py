@@ -53,9 +53,9 @@ class Contacts:
     gap : ndarray, shape (k,)
         Signed distances [m].
     segments : tuple of str
-        The segment of the hand that touches, where it is known.
+        The segments of the hand that touch.
     pads : tuple of str
-        The side of it: palmar, dorsal, radial, ulnar or tip.
+        The sides of them: palmar, dorsal, radial, ulnar or tip.
     """
 
     sites: NDArray[np.int64]
@@ -63,8 +63,8 @@ class Contacts:
     positions: Floats
     normals: Floats
     gap: Floats
-    segments: tuple[str, ...] = ()
-    pads: tuple[str, ...] = ()
+    segments: tuple[str, ...]
+    pads: tuple[str, ...]
 
     @property
     def site_names(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ without a codebook that ages:
   features; Wahl et al. 2003, 3DIM). Distances are in metres, so size counts.
 """
 
+from functools import cache
 from itertools import product
 from typing import Final
 
@@ -64,11 +65,17 @@ def _local(histograms: NDArray[np.float32], areas: Floats) -> Floats:
     """Return the mean Fourier features of histograms, shape (128,)."""
     total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
     roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
-    # Sobol's sequence comes in powers of two; its first point, zero, is no frequency.
-    even = qmc.Sobol(roots.shape[1] + 1, scramble=False).random(2 * N_FOURIER)[1 : N_FOURIER + 1]
-    frequencies, phases = norm.ppf(even[:, :-1]).T / BANDWIDTH, 2 * np.pi * even[:, -1]
+    frequencies, phases = _fourier(roots.shape[1])
     features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
     return np.asarray(areas @ features / areas.sum())
+
+
+@cache
+def _fourier(bins: int) -> tuple[Floats, Floats]:
+    """Return frequencies, shape (bins, 128), and phases of the Fourier features."""
+    # Sobol's sequence comes in powers of two; its first point, zero, is no frequency.
+    even = qmc.Sobol(bins + 1, scramble=False).random(2 * N_FOURIER)[1 : N_FOURIER + 1]
+    return np.asarray(norm.ppf(even[:, :-1]).T / BANDWIDTH), 2 * np.pi * even[:, -1]
 
 
 def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:

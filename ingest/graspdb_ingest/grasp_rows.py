@@ -128,7 +128,7 @@ def enclose(
     shape = feature_shape(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
     )
-    opposed = find_opposition(contacts, posed.points.sites, rotation, side)
+    opposed = find_opposition(contacts)
     typed = grasp_type(contacts, opposed)
     inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges

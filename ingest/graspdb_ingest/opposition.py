@@ -13,7 +13,7 @@ import numpy as np
 
 from graspdb_ingest.contact import Contacts
 from graspdb_ingest.hand.model import Floats
-from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, FINGERS, SITES, Side
+from graspdb_schemas.vocabulary import DIGIT_OF_SITE, DIGITS, FINGERS, SITES
 
 Kind = Literal["pad", "palm", "side"]
 KINDS: Final[tuple[Kind, ...]] = ("pad", "palm", "side")
@@ -47,7 +47,7 @@ class Opposition:
     shares: Mapping[str, float]
 
 
-def find_opposition(contacts: Contacts, sites: Floats, object_from_hand: Floats, side: Side) -> Opposition:
+def find_opposition(contacts: Contacts) -> Opposition:
     """Return the opposition of a grasp from its contacts.
 
     Two contacts that push towards each other oppose by the cosine of their directions: 1 where one pushes
@@ -57,15 +57,9 @@ def find_opposition(contacts: Contacts, sites: Floats, object_from_hand: Floats,
     Parameters
     ----------
     contacts : Contacts
-        The contacts.
-    sites : ndarray, shape (20, 3)
-        Sphere centres in the object frame [m].
-    object_from_hand : ndarray, shape (3, 3)
-        Rotation of the hand segment.
-    side : Side
-        Right or left.
+        The contacts, with the pads of the hand that they are on.
     """
-    surfaces = contact_surfaces(contacts, sites, object_from_hand, side)
+    surfaces = contact_surfaces(contacts)
     strength = _strengths(contacts)
     by_finger = {finger: _evidence(finger, surfaces, contacts, strength) for finger in FINGERS}
     total = {kind: sum(evidence[kind] for evidence in by_finger.values()) for kind in KINDS}
@@ -75,46 +69,21 @@ def find_opposition(contacts: Contacts, sites: Floats, object_from_hand: Floats,
     return Opposition(kind, _virtual_fingers(kind, by_finger, surfaces, contacts), shares)
 
 
-def contact_surfaces(
-    contacts: Contacts, sites: Floats, object_from_hand: Floats, side: Side
-) -> tuple[str, ...]:
+def contact_surfaces(contacts: Contacts) -> tuple[str, ...]:
     """Return which surface of the hand each contact is on: palm, thumb, pad, radial, ulnar or dorsal.
 
-    The last four are of fingers. Where the hand's surface tells on which of its pads a contact is, that
-    counts; else the angle around the phalanx does, in quarters about its palmar side.
+    The last four are of fingers. A tip belongs to its pad, and the palmar side of a knuckle to the palm.
     """
-    if contacts.pads:
-        return tuple(_padded(int(s), pad) for s, pad in zip(contacts.sites, contacts.pads, strict=True))
-    return tuple(
-        _surface(int(site), position - sites[site], sites, object_from_hand, side)
-        for site, position in zip(contacts.sites, contacts.positions, strict=True)
-    )
+    return tuple(_surface(int(s), pad) for s, pad in zip(contacts.sites, contacts.pads, strict=True))
 
 
-def _padded(site: int, pad: str) -> str:
+def _surface(site: int, pad: str) -> str:
     palmar = pad in ("palmar", "tip")
     if SITES[site] in PALM_SITES and (palmar or DIGIT_OF_SITE[site] == "thumb"):
         return PALM
     if DIGIT_OF_SITE[site] == "thumb":
         return "thumb"
     return "pad" if palmar else pad
-
-
-def _surface(site: int, arm: Floats, sites: Floats, object_from_hand: Floats, side: Side) -> str:
-    name, digit = SITES[site], DIGIT_OF_SITE[site]
-    if digit == "thumb":
-        return PALM if name in PALM_SITES else "thumb"
-    bone = object_from_hand[:, 0] if name in PALM_SITES else sites[site] - sites[site - 1]
-    bone = bone / np.linalg.norm(bone)
-    across = object_from_hand[:, 1] - bone * (bone @ object_from_hand[:, 1])
-    across /= np.linalg.norm(across)
-    palmar = -float(arm @ np.cross(bone, across))
-    radial = float(arm @ across) * (1 if side is Side.RIGHT else -1)
-    if not abs(radial) <= abs(palmar):
-        return "radial" if radial > 0 else "ulnar"
-    if palmar < 0:
-        return "dorsal"
-    return PALM if name in PALM_SITES else "pad"
 
 
 def _strengths(contacts: Contacts) -> Floats:

@@ -132,7 +132,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     jug = sample_cloud(load_surface(folder / "objects/jug.stl", 0.001))
     rng, rows = np.random.default_rng(0), []
     rotations = Rotation.from_quat(true.object_rotation, scalar_first=True).as_matrix()
-    for frame in range(0, len(true.times), 6):  # 20 clouds a second
+    for frame in range(0, len(true.times), 12):  # 10 clouds a second
         turn, shift = rotations[frame], true.object_position[frame]
         seen = (jug.normals @ turn.T) @ np.array([0.6, -0.6, 0.5]) > 0.1
         points = jug.points[seen] @ turn.T + shift + 0.001 * rng.normal(size=(int(seen.sum()), 3))

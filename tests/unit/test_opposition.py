@@ -1,19 +1,24 @@
 """Opposition, virtual fingers and grasp types of hands made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.contact import Contacts
 from graspdb_ingest.opposition import contact_surfaces, find_opposition
+from graspdb_ingest.surface import HandPoints
+from graspdb_ingest.surface.touch import pad_of
 from graspdb_ingest.taxonomy import LEAST_CONFIDENCE, grasp_type
-from graspdb_schemas.vocabulary import FINGERS, SITES, Side
-
-HAND = np.eye(3)
-"""A flat hand in the object's frame: x distal, y radial of a right hand, z dorsal."""
+from graspdb_schemas.vocabulary import DIGIT_OF_SITE, FINGERS, SEGMENTS_OF_DIGIT, SITES, Side
 
 
 def flat_sites(side=Side.RIGHT):
-    """Return a hand with straight fingers along x, the index at greater y; the thumb lies below them."""
+    """Return a hand with straight fingers along x, the index at greater y; the thumb lies below them.
+
+    Its wrist is the origin, and its back looks along z.
+    """
     mirror = 1 if side is Side.RIGHT else -1
     sites = np.zeros((20, 3))
     sites[:4] = [[0, 0.03, -0.01], [0.03, 0.03, -0.03], [0.06, 0.02, -0.04], [0.08, 0.01, -0.045]]
@@ -22,20 +27,28 @@ def flat_sites(side=Side.RIGHT):
     return sites * [1, mirror, 1]
 
 
-def touch(sites, pushes, reach=0.008):
+def touch(sites, pushes, side=Side.RIGHT, reach=0.008):
     """Return contacts at `reach` from the sites in the directions in which they push the object."""
     names = sorted(pushes, key=SITES.index)
     index = np.array([SITES.index(name) for name in names], dtype=np.int64)
     ways = np.array([pushes[name] for name in names], dtype=float).reshape(-1, 3)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    positions = sites[index] + reach * ways
-    return Contacts(index, np.zeros(len(index), dtype=np.int64), positions, -ways, np.zeros(len(index)))
+    hand = HandPoints(np.vstack([np.zeros(3), sites]), np.full(20, reach), side)
+    segments = tuple(segment_of(site) for site in index)
+    pads = tuple(pad_of(hand, segment, way) for segment, way in zip(segments, ways, strict=True))
+    nowhere = np.zeros(len(index), dtype=np.int64)
+    return Contacts(index, nowhere, sites[index] + reach * ways, -ways, np.zeros(len(index)), segments, pads)
+
+
+def segment_of(site):
+    """Return the segment that ends at a site; a knuckle is the hand's."""
+    digit, place = DIGIT_OF_SITE[site], site % 4
+    return "hand" if not place else SEGMENTS_OF_DIGIT[digit][place - 1]
 
 
 def opposed(pushes, sites=None, side=Side.RIGHT):
-    sites = flat_sites(side) if sites is None else sites
-    contacts = touch(sites, pushes)
-    return contacts, find_opposition(contacts, sites, HAND, side)
+    contacts = touch(flat_sites(side) if sites is None else sites, pushes, side)
+    return contacts, find_opposition(contacts)
 
 
 def pinch(*fingers):
@@ -60,7 +73,7 @@ def test_thumb_against_the_side_of_the_index_is_side_opposition(side):
     sites = flat_sites(side)
     sites[SITES.index("thumb_tip")] = sites[SITES.index("index_dip")] + [0, 0.03 * out, 0]
     contacts, found = opposed({"thumb_tip": [0, -out, 0], "index_dip": [0, out, 0]}, sites, side)
-    assert contact_surfaces(contacts, sites, HAND, side) == ("thumb", "radial")
+    assert contact_surfaces(contacts) == ("thumb", "radial")
     assert found.kind == "side"
     assert found.virtual_fingers == (("thumb",), ("index",), ())
     assert grasp_type(contacts, found).name == "lateral"
@@ -115,7 +128,7 @@ def test_what_does_not_oppose_has_no_opposition_and_no_type(pushes):
 def test_dorsal_contacts_are_told_from_pads():
     sites = flat_sites()
     contacts = touch(sites, {"index_dip": [0, 0, 1], "middle_dip": [0, 0, -1], "ring_dip": [0, -1, 0.2]})
-    assert contact_surfaces(contacts, sites, HAND, Side.RIGHT) == ("dorsal", "pad", "ulnar")
+    assert contact_surfaces(contacts) == ("dorsal", "pad", "ulnar")
 
 
 @pytest.mark.parametrize(
@@ -136,17 +149,18 @@ def test_pinches_with_fingers_side_by_side(fingers, name):
 
 def test_fingers_round_a_ball_are_a_tripod():
     sites = flat_sites()
-    angle = np.deg2rad([0, 120, 240])
+    angle = np.deg2rad([180, 40, -40])
     ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(3)])
     names = ("thumb_tip", "index_tip", "middle_tip")
     for name, way in zip(names, ways, strict=True):
-        sites[SITES.index(name)] = 0.03 * way + [0.1, 0, -0.02]
-    contacts = touch(sites, {name: -way for name, way in zip(names, ways, strict=True)})
-    # the fingers' pads look at the ball: each contact is on the palmar side of a finger that comes from above
+        sites[SITES.index(name)] = 0.03 * way + [0.1, 0, -0.04]
+    # the fingers come from above, bent by a right angle, so that their pads look back at the thumb
     for name in names[1:]:
-        sites[SITES.index(name) - 1] = sites[SITES.index(name)] + [0, 0, 0.02]
-    found = find_opposition(contacts, sites, HAND, Side.RIGHT)
-    assert found.kind in ("pad", "side")
+        for back in (1, 2):
+            tip = sites[SITES.index(name)]
+            sites[SITES.index(name) - back] = tip + np.array([0, 0, 0.02 * back])
+    _, found = opposed({name: -way for name, way in zip(names, ways, strict=True)}, sites)
+    assert found.kind == "pad"
     assert found.virtual_fingers[:2] == (("thumb",), ("index", "middle"))
 
 
@@ -162,13 +176,18 @@ def test_wraps_differ_by_size(across, name):
     assert grasp_type(contacts, found).name == name
 
 
-def test_opposition_turns_with_the_hand_and_mirrors_with_the_side():
+def test_opposition_mirrors_with_the_side():
     pushes, sites = pinch("index", "middle")
-    contacts = touch(sites, pushes)
-    here = find_opposition(contacts, sites, HAND, Side.RIGHT)
     mirror = np.array([1, -1, 1])
-    mirrored = Contacts(
-        contacts.sites, contacts.points, contacts.positions * mirror, contacts.normals * mirror, contacts.gap
-    )
-    there = find_opposition(mirrored, sites * mirror, HAND, Side.LEFT)
+    _, here = opposed(pushes, sites)
+    _, there = opposed({name: way * mirror for name, way in pushes.items()}, sites * mirror, Side.LEFT)
     assert here == there
+
+
+def test_opposition_turns_with_the_hand():
+    contacts, here = opposed(*pinch("index", "middle"))
+    turn = Rotation.from_rotvec([0.3, -0.5, 1.2]).as_matrix()
+    positions, normals = contacts.positions @ turn.T + 0.2, contacts.normals @ turn.T
+    there = find_opposition(replace(contacts, positions=positions, normals=normals))
+    assert there.virtual_fingers == here.virtual_fingers
+    assert there.shares == pytest.approx(here.shares)

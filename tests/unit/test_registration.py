@@ -45,8 +45,11 @@ def error(found, turn, shift, middle):
     )
 
 
-@pytest.mark.parametrize(("noise", "reach"), [(0.0, 0.0003), (0.001, 0.0006), (0.003, 0.0015)])
-def test_a_mug_followed_from_cloud_to_cloud(mug, noise, reach):
+@pytest.mark.parametrize(
+    ("noise", "reach", "degrees"), [(0.0, 1e-6, 1e-3), (0.001, 0.0002, 0.3), (0.003, 0.001, 1.5)]
+)
+def test_a_mug_followed_from_cloud_to_cloud(mug, noise, reach, degrees):
+    # The handle, 12 mm thick, moves by up to 10 mm from one cloud to the next.
     rng = np.random.default_rng(0)
     turn, shift = Rotation.from_euler("z", -1.2).as_matrix(), np.array([0.0, 0.0, 0.1])
     rotation, position = turn, shift
@@ -60,11 +63,8 @@ def test_a_mug_followed_from_cloud_to_cloud(mug, noise, reach):
         errors.append(error(found, turn, shift, mug.points.mean(axis=0)))
         assert found.residual == pytest.approx(noise, rel=0.3, abs=3e-4)
     middle, angle = np.mean(errors, axis=0)
-    print(
-        f"\nnoise {1e3 * noise:g} mm: middle {1e3 * middle:.2f} mm, rotation {np.degrees(angle):.2f} degrees"
-    )
     assert middle < reach
-    assert np.degrees(angle) < 2
+    assert np.degrees(angle) < degrees
 
 
 def test_points_that_are_not_the_object_do_not_move_it(mug):
@@ -77,6 +77,7 @@ def test_points_that_are_not_the_object_do_not_move_it(mug):
     start = Rotation.from_rotvec([0.03, -0.02, 0.03]).as_matrix()
     found = register(mug, np.concatenate([own, table, hand, broken]), start, shift + 0.004)
     middle, angle = error(found, turn, shift, mug.points.mean(axis=0))
+    print(f"\nothers {1e3 * middle:.3f} mm {np.degrees(angle):.3f}")
     assert middle < 0.002
     assert np.degrees(angle) < 1.5
 
@@ -116,5 +117,6 @@ def test_a_first_pose_is_found_without_a_beginning(mug):
     points = seen(mug, turn, shift, 0.001, rng, camera=(0.9, -0.8, 0.9))
     found = first_pose(mug, points, RegistrationParameters())
     assert found.reason is None
-    middle, _ = error(found, turn, shift, mug.points.mean(axis=0))
+    middle, angle = error(found, turn, shift, mug.points.mean(axis=0))
+    print(f"\nfirst {1e3 * middle:.3f} mm {np.degrees(angle):.3f}")
     assert middle < 0.004

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.objects.cloud import ObjectCloud
@@ -25,6 +26,9 @@ still off its place must not be taken for something else."""
 SHRINK: Final = 0.85
 TRIED: Final = 4
 """Of the 24 beginnings without a pose, the best that are registered to the end."""
+SEEN: Final = (0.3, -0.2)
+"""Least length of the mean normal of what a cloud shows, for one camera to have seen it: 0.5 is half a ball,
+0 all of one. And least cosine between that direction and the normal of a point that may have been seen."""
 LEAST_POINTS: Final = 20
 """Points of a cloud near the model below which no pose is told."""
 
@@ -65,7 +69,8 @@ def register(
 
     In each round every point of the cloud within reach is paired with the nearest of the model, and the
     pose moves so that the points come to lie in the planes of their partners, by least squares with
-    Tukey's weights. A camera sees one side: the model's other points have no partner and do not count.
+    Tukey's weights. A camera sees one side: the model's other points have no partner and do not count,
+    or a thin part, a handle, that has moved by more than its thickness would be drawn to its back.
 
     Parameters
     ----------
@@ -90,16 +95,18 @@ def register(
         return _none("the cloud has no finite point")
     finite = finite[:: max(1, len(finite) // MOST_POINTS)]
     turn, shift = rotation.copy(), position.copy()
-    near = np.zeros(0, dtype=np.int64)
+    side = _Side(model.tree, np.arange(len(model.points)))
     for number in range(ITERATIONS):
         within = (finite - shift) @ turn
-        distance, partner = _partners(model, within, parameters.reach)
+        kernel = max(KERNEL[1], KERNEL[0] * SHRINK**number)
+        if kernel > KERNEL[1]:
+            side = _seen_side(model, within, parameters.reach)
+        distance, partner = side.partners(within, parameters.reach)
         near = np.flatnonzero(np.isfinite(distance))
         if len(near) < LEAST_POINTS:
             found = "no point" if not len(near) else f"{len(near)} points"
             return _none(f"{found} of the cloud within {1e3 * parameters.reach:g} mm of the object")
         there, normals = model.points[partner[near]], model.normals[partner[near]]
-        kernel = max(KERNEL[1], KERNEL[0] * SHRINK**number)
         step = _step(within[near], there, normals, kernel)
         if step is None:
             return _none("the points near the object do not fix its pose")
@@ -111,10 +118,32 @@ def register(
     return _judged(model, finite, turn, shift, parameters)
 
 
-def _partners(model: ObjectCloud, points: Array, reach: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return distance and index of the nearest point of the model; infinite where none is within reach."""
-    distance, partner = model.tree.query(points, distance_upper_bound=reach)
-    return np.asarray(distance), np.asarray(partner, dtype=np.int64)
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """Points of a model that may have been seen: a search tree of them, and their places in the model."""
+
+    tree: cKDTree
+    places: NDArray[np.int64]
+
+    def partners(self, points: Array, reach: float) -> tuple[Array, NDArray[np.int64]]:
+        """Return distance and place of the nearest of them; infinite and any where none is within reach."""
+        distance, nearest = self.tree.query(points, distance_upper_bound=reach)
+        return np.asarray(distance), self.places[np.minimum(nearest, len(self.places) - 1)]
+
+
+def _seen_side(model: ObjectCloud, points: Array, reach: float) -> _Side:
+    """Return the side of a model that a cloud shows, by the mean normal of the points nearest to it."""
+    everything = _Side(model.tree, np.arange(len(model.points)))
+    distance, partner = everything.partners(points, reach)
+    near = partner[np.isfinite(distance)]
+    if not len(near):
+        return everything
+    direction = model.normals[near].mean(axis=0)
+    length = float(np.linalg.norm(direction))
+    if length < SEEN[0]:
+        return everything
+    places = np.flatnonzero(model.normals @ direction > SEEN[1] * length)
+    return _Side(cKDTree(model.points[places]), places)
 
 
 def _step(points: Array, there: Array, normals: Array, kernel: float) -> Array | None:
@@ -140,7 +169,7 @@ def _judged(
     model: ObjectCloud, points: Array, turn: Array, shift: Array, parameters: RegistrationParameters
 ) -> Registration:
     within = (points - shift) @ turn
-    distance, partner = _partners(model, within, parameters.reach)
+    distance, partner = _seen_side(model, within, parameters.reach).partners(within, parameters.reach)
     near = np.flatnonzero(np.isfinite(distance))
     if len(near) < LEAST_POINTS:
         return _none("the registration leads away from the cloud")

@@ -68,6 +68,13 @@ def align(query: Part, candidates: Sequence[Part]) -> Poses:
     candidates : sequence of Part
         What it is moved onto, at most `CHUNK` at a time.
     """
+    refined, cost = aligned(query, candidates)
+    rows, chosen = np.arange(len(candidates)), np.argmin(cost, axis=1)
+    return Poses(refined.rotations[rows, chosen], refined.positions[rows, chosen])
+
+
+def aligned(query: Part, candidates: Sequence[Part]) -> tuple[Poses, Floats]:
+    """Return the `KEPT_STARTS` best poses of `align`, shapes (n, s, 3, 3), (n, s, 3), and their costs."""
     source = query.sparse.points
     targets = np.stack([candidate.dense.points for candidate in candidates])
     starts = _starts(query, candidates)
@@ -75,10 +82,7 @@ def align(query: Part, candidates: Sequence[Part]) -> Poses:
     best = np.argsort(cost, axis=1, kind="stable")[:, :KEPT_STARTS]
     rows = np.arange(len(candidates))[:, None]
     kept = Poses(moved.rotations[rows, best], moved.positions[rows, best])
-    refined, cost = _closest_points(query.dense.points, targets, kept, ITERATIONS[1])
-    chosen = np.argmin(cost, axis=1)
-    rows = rows[:, 0]
-    return Poses(refined.rotations[rows, chosen], refined.positions[rows, chosen])
+    return _closest_points(query.dense.points, targets, kept, ITERATIONS[1])
 
 
 def held_poses(query: Part, candidates: Sequence[Part]) -> Poses:

@@ -40,6 +40,11 @@ class ScorePart:
         """What this part adds to the cost of the hit."""
         return self.weight * self.distance / self.scale
 
+    def explain(self) -> str:
+        """Return distance, weight, scale and cost in words."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name} {self.distance:.3g}{unit} x {self.weight:g}/{self.scale:g} = {self.cost:.3f}"
+
 
 @dataclass(frozen=True, eq=False)
 class Hit:
@@ -82,11 +87,7 @@ class Hit:
 
     def explain(self) -> str:
         """Return the parts of the cost as one line."""
-        return "; ".join(
-            f"{part.name} {part.distance:.3g}{' ' + part.unit if part.unit else ''}"
-            f" x {part.weight:g}/{part.scale:g} = {part.cost:.3f}"
-            for part in self.parts
-        )
+        return "; ".join(part.explain() for part in self.parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,30 +71,39 @@ class Part:
     @cached_property
     def sparse(self) -> Sample:
         """Points that starts are made of and tried with, spread as far as may be."""
-        return self._sample(_spread(self.points, SPARSE_POINTS))
+        return self._sample(spread(self.points, SPARSE_POINTS))
 
     @cached_property
     def dense(self) -> Sample:
         """Points that alignments are refined with."""
-        return self._sample(_spread(self.points, DENSE_POINTS))
+        return self._sample(spread(self.points, DENSE_POINTS))
 
     @cached_property
     def scored(self) -> Floats:
         """Points that distances are measured from, shape (at most 400, 3) [m]."""
+        return self.points[self._scored_rows]
+
+    @cached_property
+    def scored_normals(self) -> Floats:
+        """Their normals."""
+        return self.normals[self._scored_rows]
+
+    @cached_property
+    def _scored_rows(self) -> NDArray[np.int64]:
         n = len(self.points)
-        return self.points[np.unique(np.linspace(0, n - 1, min(n, SCORED_POINTS)).round().astype(np.int64))]
+        return np.unique(np.linspace(0, n - 1, min(n, SCORED_POINTS)).round().astype(np.int64))
 
     def _sample(self, chosen: NDArray[np.int64]) -> Sample:
         return Sample(self.points[chosen], self.histograms[chosen])
 
 
-def _spread(points: Floats, count: int) -> NDArray[np.int64]:
+def spread(points: Floats, count: int) -> NDArray[np.int64]:
     """Return `count` points, each as far from those before it as may be; all again where there are fewer."""
     if len(points) <= count:
         return np.resize(np.arange(len(points)), count)
     if len(points) > 3 * count:
         step = np.linspace(0, len(points) - 1, 3 * count).round().astype(np.int64)
-        return step[_spread(points[step], count)]
+        return step[spread(points[step], count)]
     chosen = np.empty(count, dtype=np.int64)
     reach = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
     chosen[0] = reach.argmax()

@@ -175,7 +175,7 @@ class Search:
     def parts(self, features: Features, rows: Iterable[int]) -> list[Part]:
         """Return features as clouds."""
         rows = list(rows)
-        clouds = self._clouds_of({features.objects[row] for row in rows})
+        clouds = self.clouds({features.objects[row] for row in rows})
         return [part_of(features, row, clouds[features.objects[row]]) for row in rows]
 
     def vectors(self, question: Question) -> Vectors:
@@ -202,11 +202,12 @@ class Search:
         else:
             found, searched = self._near_hands(question, respect, wanted, where)
         keys = [key for key in found if not (question.inside and key == question.name)][:count]
-        n_all = self._count(where)
+        n_all = self.count(where)
         own = int(question.inside and question.name in found)
         return Near(keys, searched - own, n_all - searched)
 
-    def _count(self, where: str | None) -> int:
+    def count(self, where: str | None) -> int:
+        """Return the number of grasps that pass a filter."""
         clause = "" if where is None else f" WHERE (\n{where}\n)"
         return int(self.engine.sql(f"SELECT count(*) FROM grasps{clause}").rows()[0][0])
 
@@ -217,7 +218,7 @@ class Search:
             return [], 0
         best: dict[str, float] = {}
         searched = 0
-        for features, rows in self._feature_rows(kind, where):
+        for features, rows in self.feature_rows(kind, where):
             searched += len(features.keys) if rows is None else len(rows)
             for vector in vectors:
                 found, squared = features.index.nearest(vector, count, rows)
@@ -227,7 +228,7 @@ class Search:
             best = dict(sorted(best.items(), key=lambda item: (item[1], item[0]))[:count])
         return list(best), searched
 
-    def _feature_rows(
+    def feature_rows(
         self, kind: str, where: str | None
     ) -> Iterator[tuple[Features, NDArray[np.int64] | None]]:
         """Yield features and which of their rows count: all at once from memory, or batch by batch."""
@@ -310,7 +311,7 @@ class Search:
             for key, distance, part in zip(near.keys, distances, parts, strict=True)
         ]
 
-    def _clouds_of(self, ids: set[str]) -> dict[str, Cloud]:
+    def clouds(self, ids: set[str]) -> dict[str, Cloud]:
         """Return clouds, read where they are not in memory; those not used for longest go first."""
         missing = sorted(ids - set(self._clouds))
         if missing:
