@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import HandFilter, State
+from graspdb_ingest.tracking.filter import LIMIT_SD, HandFilter, State
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model, to_blocks
 from graspdb_schemas.vocabulary import N_DOF, Side
 
@@ -138,3 +138,27 @@ def test_angle_pulled_beyond_its_limit_is_held_there(filter_, hand, prior, end):
     update = filter_.update(filter_.start(q), hand.forward(beyond).markers, gated=False)
     assert update.at_limit
     assert update.state.q[7 + dip] == pytest.approx(limit, abs=np.deg2rad(2))
+
+
+def test_joint_held_at_its_limit_is_one_more_measurement_of_the_dense_update(filter_, hand, prior):
+    state, _ = settled(filter_, hand, prior)
+    dips = [hand.joints.index(f"{digit}_dip_flexion") for digit in ("index", "ring")]
+    q = state.q.copy()
+    q[[7 + dip for dip in dips]] = hand.joint_range[dips, 1]
+    state = State(q, state.velocity, state.blocks)
+    beyond = q.copy()
+    beyond[[7 + dip for dip in dips]] += 0.02
+    observed = hand.forward(beyond).markers
+    update = filter_.update(state, observed, gated=False)
+    assert update.at_limit
+    h = np.hstack([hand.marker_jacobian(q).reshape(-1, N_DOF), np.zeros((72, N_DOF))])
+    held = np.zeros((2, 2 * N_DOF))
+    held[[0, 1], [6 + dip for dip in dips]] = 1
+    h = np.vstack([h, held])
+    noise = np.diag(np.r_[np.full(72, NOISE**2), np.full(2, LIMIT_SD**2)])
+    innovation = np.r_[(observed - hand.forward(q).markers).ravel(), 0, 0]
+    p = state.covariance
+    gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + noise)
+    assert np.allclose(hand.difference(q, update.state.q), (gain @ innovation)[:N_DOF], atol=1e-9)
+    scale = np.sqrt(np.outer(np.diagonal(p), np.diagonal(p)))
+    assert np.allclose(update.state.covariance / scale, (p - gain @ h @ p) / scale, atol=1e-9)

@@ -80,7 +80,8 @@ class _PointJacobian:
     def __init__(self, model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
         self._model, self._ids = model, ids
         bodies = model.site_bodyid[ids]
-        self._roots = model.body_rootid[bodies]
+        roots = model.body_rootid[bodies]
+        self._roots = int(roots[0]) if len(set(roots)) == 1 else roots
         self._carries = np.repeat(_carries(model)[bodies].astype(float)[:, None], 3, axis=1)
         self._points = np.ones((len(ids), 4))
         self._moving = np.empty((12, model.nv))
@@ -91,8 +92,8 @@ class _PointJacobian:
         """Return d(point) / d(degree of freedom), shape (n_points, 3, n_dof), where MuJoCo has them now."""
         mujoco.mj_comPos(self._model, data)  # finds a and v, and the reference point of each root
         np.dot(_OF_POINT, data.cdof.T, out=self._moving)
-        self._points[:, :3] = data.site_xpos.take(self._ids, axis=0)
-        self._points[:, :3] -= data.subtree_com.take(self._roots, axis=0)
+        points = data.site_xpos.take(self._ids, axis=0)
+        np.subtract(points, data.subtree_com[self._roots], out=self._points[:, :3])
         np.dot(self._points, self._moving.reshape(4, -1), out=self._moved)
         np.multiply(self._moved.reshape(self._carries.shape), self._carries, out=self._jacobian)
         return self._jacobian

@@ -21,6 +21,7 @@ from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
 from graspdb_ingest.tracking.motion import (
     Blocks,
     MotionModel,
+    add_product,
     from_blocks,
     left_half,
     make_symmetric,
@@ -139,6 +140,7 @@ class HandFilter:
         self._root_weight = 1 / marker_sd
         self._rows = np.empty((len(marker_sd), 3, self._n + 1))
         self._gate = float(chi2.ppf(gate, df=3))
+        self._explained = self._gate * marker_sd**2
         self._angle_gate = float(chi2.ppf(gate, df=1))
 
     def start(self, q: Floats) -> State:
@@ -158,7 +160,12 @@ class HandFilter:
         return State(self._hand.integrate(state.q, change), velocity, blocks)
 
     def update(
-        self, state: State, observed: Floats, gated: bool = True, readings: JointReadings | None = None
+        self,
+        state: State,
+        observed: Floats,
+        gated: bool = True,
+        readings: JointReadings | None = None,
+        seen: Bools | None = None,
     ) -> Update:
         """Correct a predicted state by a frame of markers.
 
@@ -175,13 +182,15 @@ class HandFilter:
             Whether to leave out markers whose innovation is beyond the gate.
         readings : JointReadings, optional
             Joint angles that were measured besides.
+        seen : ndarray of bool, shape (n_markers,), optional
+            Which markers were seen, where that is known already.
 
         Returns
         -------
         Update
             The corrected state, and which markers it used.
         """
-        seen = visible(observed)
+        seen = visible(observed) if seen is None else seen
         jacobian, innovation = self._linearise(state.q, observed, seen)
         used = self._passing(state, jacobian, innovation, seen) if gated else seen
         angles = None if readings is None else self._angles(state, readings)
@@ -233,10 +242,8 @@ class HandFilter:
         A marker's own noise alone never gives a shorter distance than the whole spread does, so
         the spread is needed only where the noise alone does not explain the innovation.
         """
-        scaled = innovation * self._root_weight[:, None]
-        scaled *= scaled
-        doubtful = scaled @ _ONES > self._gate
-        if not doubtful.any():
+        doubtful = (innovation * innovation) @ _ONES > self._explained
+        if not np.count_nonzero(doubtful):
             return seen
         rows = jacobian[doubtful]
         spread = rows @ state.position_covariance @ rows.transpose(0, 2, 1)
@@ -313,8 +320,8 @@ def solve_measured(covariance: Floats, normal: Floats) -> Floats:
     number of markers. LAPACK wants columns: the transpose of the array P A + I, rows in order, is A P + I.
     """
     n = len(covariance)
-    matrix = covariance @ normal[:n]
-    matrix.reshape(-1)[:: n + 1] += 1
+    matrix = np.eye(n)
+    add_product(matrix, 1, covariance, normal[:n])
     _, _, solved, _ = dgesv(matrix.T, normal.T, overwrite_a=True)
     return np.asarray(solved.T)
 
@@ -322,10 +329,8 @@ def solve_measured(covariance: Floats, normal: Floats) -> Floats:
 def _corrected(blocks: Blocks, inverse: Floats) -> Blocks:
     """Return P - P H^T S^-1 H P, with J^T S^-1 J = `inverse`."""
     n = len(inverse)
-    gained = left_half(blocks) @ inverse
-    corrected = np.empty_like(blocks)
-    np.matmul(gained, blocks[2], out=left_half(corrected))
-    np.matmul(gained[n:], blocks[0], out=corrected[1])
-    np.subtract(blocks[1:], corrected[1:], out=corrected[1:])
+    gained, corrected = left_half(blocks) @ inverse, blocks.copy()
+    add_product(left_half(corrected), -1, gained, blocks[2])
+    add_product(corrected[1], -1, gained[n:], blocks[0])
     make_symmetric(corrected)
     return corrected

@@ -65,16 +65,17 @@ class Follower:
         readings : JointReadings, optional
             Joint angles that were measured besides.
         """
-        seen = np.count_nonzero(visible(observed))
-        self._unseen = 0 if seen else self._unseen + 1
+        seen = visible(observed)
+        n_seen = np.count_nonzero(seen)
+        self._unseen = 0 if n_seen else self._unseen + 1
         if self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after:
             self._state = None
         if self._state is None:
             return self._start(observed, readings)
         predicted = self._filter.predict(self._state)
-        update = self._filter.update(predicted, observed, readings=readings)
-        rejected = seen - np.count_nonzero(update.used)
-        self._doubtful = self._doubtful + 1 if 2 * rejected > seen else 0
+        update = self._filter.update(predicted, observed, readings=readings, seen=seen)
+        rejected = n_seen - np.count_nonzero(update.used)
+        self._doubtful = self._doubtful + 1 if 2 * rejected > n_seen else 0
         self._state = update.state
         return Followed(predicted, update)
 

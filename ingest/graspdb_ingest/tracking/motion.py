@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.blas import dgemm
 
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
@@ -219,6 +220,11 @@ def left_half(blocks: Blocks) -> Floats:
 def right_half(blocks: Blocks) -> Floats:
     """Return the columns of the velocities, shape (2 * n, n): a view."""
     return blocks[:2].reshape(-1, blocks.shape[2])
+
+
+def add_product(out: Floats, factor: float, a: Floats, b: Floats) -> None:
+    """Add factor * A B to `out`, in place; all are rows in order, which BLAS sees as transposed columns."""
+    dgemm(factor, b.T, a.T, 1.0, out.T, overwrite_c=True)
 
 
 def make_symmetric(blocks: Blocks) -> None:

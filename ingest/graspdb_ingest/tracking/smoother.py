@@ -14,7 +14,14 @@ import numpy as np
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half, make_symmetric, right_half
+from graspdb_ingest.tracking.motion import (
+    Blocks,
+    MotionModel,
+    add_product,
+    left_half,
+    make_symmetric,
+    right_half,
+)
 
 BLOCK: Final = 64
 """Frames that are smoothed before anything is done with them: few enough for the processor's cache."""
@@ -89,14 +96,14 @@ class ForwardPass:
         n = self._weighted.shape[1]
         adjoint: Floats = np.zeros(2 * n)
         matrix: Blocks = np.zeros((4, n, n))
+        unchanged = np.eye(2 * n, n)
         for i in reversed(range(self._length)):
             if i < self._length - 1:
                 adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
             inverse = self._inverse[i].astype(float, copy=False)
             # Through the measurement: its I - K H leaves velocities alone.
-            through = self._columns[i] @ inverse
-            np.negative(through, out=through)
-            through.reshape(-1)[: n * n : n + 1] += 1
+            through = unchanged.copy()
+            add_product(through, -1, self._columns[i].astype(float, copy=False), inverse)
             measured = np.empty_like(matrix)
             reduced = _times(matrix, through, out=left_half(measured))
             np.add(through.T @ reduced, inverse, out=measured[2])
@@ -137,5 +144,5 @@ def _times(matrix: Blocks, columns: Floats, out: Floats) -> Floats:
     """Return X C for columns C of shape (2 * n, n), in `out`."""
     n = columns.shape[1]
     np.matmul(left_half(matrix), columns[:n], out=out)
-    out += right_half(matrix) @ columns[n:]
+    add_product(out, 1, right_half(matrix), columns[n:])
     return out
