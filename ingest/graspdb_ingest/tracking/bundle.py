@@ -1,10 +1,10 @@
 """All chosen frames together: one shape of the hand, a posture for each frame (bundle adjustment).
 
 The model is a hierarchy of normal distributions. Markers lie about their places on the hand with
-a standard deviation of their own, by a t distribution, so that a wrong label or a jump loses its
-weight (Lange, Little and Taylor 1989); postures and shape have normal priors. The markers'
-deviations are estimated along with the rest by expectation maximisation. The postures are
-eliminated frame by frame with the Schur complement, so the cost grows linearly with the frames.
+a t distribution, so that a wrong label or a jump loses its weight (Lange, Little and Taylor 1989);
+postures and shape have normal priors. Each marker's own standard deviation is estimated from the fit.
+The postures are eliminated frame by frame with the Schur complement, so the cost grows linearly
+with the frames.
 """
 
 from collections.abc import Sequence
@@ -24,12 +24,8 @@ FREEDOM: Final = 4.0
 """Degrees of freedom of the markers' t distribution."""
 ALIKE: Final = 10.0
 """Frames that one standard deviation for all markers is worth in the estimate of each one's own."""
-ROUNDS: Final = 8
-"""Rounds of expectation maximisation."""
-STEPS: Final = 6
-"""Least-squares steps in a round."""
-SETTLED: Final = 0.02
-"""Relative change of the markers' standard deviations below which nothing more is gained."""
+STEPS: Final = 30
+"""Least-squares steps at the most."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +86,9 @@ class Bundle:
         """Return the fit, from a first guess of the shape and of the postures."""
         marker_sd = np.full(self.frames.shape[1], self.marker_sd)
         state = _State(parameters, tuple(postures), marker_sd)
-        for _ in range(ROUNDS):
-            state = self._descend(state)
-            before, state = state.marker_sd, self._spreads(state)
-            if np.max(np.abs(state.marker_sd / before - 1)) < SETTLED:
-                break
-        state = self._descend(state)
+        # Spreads are told last: weights that follow them while the shape is fitted let each frame's own
+        # posture take up what the shape should explain, and the shape goes wrong.
+        state = self._spreads(self._descend(state))
         normal = self._eliminate(state, damping=0.0).normal
         residuals = self._residuals(state.parameters, state.postures)
         return BundleFit(state.parameters, np.linalg.inv(normal), state.postures, residuals, state.marker_sd)
