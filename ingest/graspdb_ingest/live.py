@@ -86,6 +86,8 @@ class HandTracker:
         Scales of movement and marker noise; those that the parameters assume unless given.
     parameters : IngestParameters, optional
         Gate and thresholds.
+    marker_sd : ndarray, shape (n_markers,), optional
+        Standard deviation that each marker has at the least, as calibration found it [m].
 
     Raises
     ------
@@ -101,6 +103,7 @@ class HandTracker:
         prior: PosturePrior | None = None,
         noise: MotionNoise | None = None,
         parameters: IngestParameters | None = None,
+        marker_sd: Floats | None = None,
     ) -> None:
         if not 1 <= rate <= 20_000:
             raise ParameterError("rate", rate, "1 to 20,000 Hz")
@@ -110,6 +113,7 @@ class HandTracker:
         self._parameters = parameters or IngestParameters()
         self._prior = prior or default_prior(hand)
         self._noise = noise or MotionNoise.assumed(self._parameters.tracking)
+        self._marker_sd = marker_sd
         self._radii = hand.radii
         self._limits: threadpool_limits | None = None
         self._kinematics = Kinematics(hand)
@@ -162,7 +166,7 @@ class HandTracker:
             name = _one_of("thing", thing, tuple(described.objects))
             prepared = prepare_object(described.objects[name], parameters)
         hand = prepare_hand(described, person, which, parameters.tracking)
-        return cls(hand.hand, rate, prepared, hand.prior, hand.noise, parameters)
+        return cls(hand.hand, rate, prepared, hand.prior, hand.noise, parameters, hand.marker_sd)
 
     @property
     def marker_labels(self) -> tuple[str, ...]:
@@ -174,7 +178,7 @@ class HandTracker:
         tracking = self._parameters.tracking
         motion = motion_model(self.hand, self._prior, self._noise, 1 / self.rate)
         self._follower = make_follower(
-            self._kinematics, motion, self._prior, tracking, self.rate, self._noise
+            self._kinematics, motion, self._prior, tracking, self.rate, self._noise, self._marker_sd
         )
 
     def step(self, markers: Floats, object_markers: Floats | None = None) -> HandEstimate:

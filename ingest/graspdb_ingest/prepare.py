@@ -103,6 +103,10 @@ class PreparedHand:
         What the prior stands on.
     noise : MotionNoise
         Scales of its movement and of its markers' noise.
+    marker_sd : ndarray, shape (n_markers,)
+        Standard deviation that each marker has at the least in tracking [m]. Skin moves slowly, so that
+        postures fitted to single frames take most of its movement up, and calibration sees less of it than
+        there is: the usual deviation is added to what it found.
     notes : tuple of str
         What to know of the hand's model.
     """
@@ -114,16 +118,8 @@ class PreparedHand:
     calibration: Calibration
     learned: LearnedPrior
     noise: MotionNoise
+    marker_sd: Floats
     notes: tuple[str, ...] = ()
-
-    @property
-    def marker_sd(self) -> Floats:
-        """Standard deviation that each marker has at the least in tracking, shape (n_markers,) [m].
-
-        Skin moves slowly, so that postures fitted to single frames take most of its movement up, and
-        calibration sees less of it than there is. The usual deviation is therefore added to what it found.
-        """
-        return np.hypot(self.calibration.marker_sd, TrackingParameters().marker_sd)
 
 
 def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
@@ -213,6 +209,7 @@ def prepare_hand(
         calibration=calibration,
         learned=learned,
         noise=noise,
+        marker_sd=np.hypot(calibration.marker_sd, parameters.marker_sd),
         notes=file.notes,
     )
 

@@ -24,7 +24,7 @@ FREEDOM: Final = 4.0
 """Degrees of freedom of the markers' t distribution."""
 ALIKE: Final = 10.0
 """Frames that one standard deviation for all markers is worth in the estimate of each one's own."""
-STEPS: Final = 30
+STEPS: Final = 80
 """Least-squares steps at the most."""
 
 
@@ -121,7 +121,7 @@ class Bundle:
             new_cost = self._cost(trial)
             if new_cost < cost:
                 gained, state, cost, damping = cost - new_cost, trial, new_cost, damping / 10
-                if gained < 1e-4 * cost:
+                if gained < 1e-6 * cost:
                     break
             else:
                 damping = max(10 * damping, 1e-6)
