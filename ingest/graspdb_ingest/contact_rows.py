@@ -10,7 +10,7 @@ from graspdb_ingest.contact_map import contact_map
 from graspdb_ingest.grasp_rows import Grasp
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.surface.touch import PosedHand
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_schemas.conform import rows_schema
@@ -33,9 +33,8 @@ def contact_rows(
         for row in _event_rows(hand, [g for g in grasps if g.side is side], tracked.markers.times)
     ]
     maps = [
-        map_row(session.id, key, tracked.object.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
+        map_row(session.id, key, grasp.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
         for grasp in grasps
-        if tracked.object is not None
     ]
     return {
         "contact_events": pa.Table.from_pylist(events, schema=rows_schema("contact_events")),
@@ -93,7 +92,7 @@ def map_row(
         "session": session,
         "object": prepared.name,
         "surface": parameters.surface,
-        "points": found.points.tolist(),
+        "points": (found.points + prepared.first_point).tolist(),
         "gaps": found.gaps.tolist(),
         "facing": found.facing.tolist(),
     }

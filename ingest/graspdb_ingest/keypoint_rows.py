@@ -12,7 +12,7 @@ from graspdb_ingest.grasp_rows import Grasp, contact_rows, feature_row, held_col
 from graspdb_ingest.input_key import software_version
 from graspdb_ingest.keypoints import KeyPointGrasp, object_from_hand, static_grasp
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.session_rows import object_point_rows, object_row
 from graspdb_ingest.surface.touch import PosedHand
 from graspdb_ingest.trial_tables import TrialTables
@@ -75,7 +75,7 @@ def keypoint_rows(
         "frames": [_frame(described, posed)],
         "grasps": [common | _grasp_columns(described, grasp, posed, parameters)],
         "contacts": contact_rows(trial, grasp),
-        "features": [feature_row(described.session, trial, prepared, grasp)],
+        "features": [feature_row(described.session, trial, grasp)],
         "contact_maps": [map_row(described.session, trial, prepared, posed, grasp.key, parameters.contact)],
     }
     return TrialTables(

@@ -20,7 +20,7 @@ from graspdb_ingest.hand.dimensions import (
 )
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.rigid import fit_rigid
 from graspdb_ingest.surface import HandPoints
 from graspdb_ingest.surface.touch import PosedHand, pose_hand

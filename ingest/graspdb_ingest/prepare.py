@@ -1,4 +1,4 @@
-"""What is done once for a session, before its trials: clouds of objects, calibrated hands."""
+"""What is done once for a session's hands, before its trials: they are calibrated."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -6,23 +6,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from graspdb_ingest.descriptor import descriptor_kind
-from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
-from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
-from graspdb_ingest.objects.curvature import principal_curvatures
-from graspdb_ingest.objects.distance import ObjectDistance
-from graspdb_ingest.objects.fpfh import point_histograms
-from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
-from graspdb_ingest.objects.mesh import Surface, load_surface
-from graspdb_ingest.objects.solid import Solid
-from graspdb_ingest.parameters import IngestParameters, TrackingParameters
+from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
 from graspdb_ingest.tracking.frame_choice import sample_frames
@@ -31,56 +21,10 @@ from graspdb_ingest.tracking.noise import WINDOWS, estimate_noise
 from graspdb_ingest.tracking.posture_learning import LearnedPrior, learn_prior
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
-from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
+from graspdb_schemas.manifest import Session, SessionTrial, Subject
 from graspdb_schemas.vocabulary import Side
 
 NOTHING: Final[Mapping[str, Bools]] = {}
-
-
-@dataclass(frozen=True)
-class PreparedObject:
-    """An object ready for contact: its surface, its cloud and the cloud's histograms.
-
-    Attributes
-    ----------
-    name : str
-        Key in the manifest.
-    surface : Surface
-        The mesh or cloud as loaded.
-    cloud : ObjectCloud
-        Evenly spaced points.
-    distance : ObjectDistance
-        How far it is: exact to the mesh, where there is one.
-    histograms : ndarray of float32, shape (n_points, 33)
-        FPFH of every point.
-    descriptor_kind : str
-        Kind of the descriptors that are made of them.
-    marker_labels : tuple of str
-        Its markers.
-    marker_positions : ndarray, shape (n_markers, 3)
-        Their places in the object frame [m].
-    mechanics : Mechanics
-        Friction, center of mass and radius.
-    curvatures : ndarray, shape (n_points, 2)
-        Principal curvatures of the cloud's points [1/m].
-    neighbours : ndarray of int, shape (m, 2)
-        Pairs of the cloud's points that are neighbours on the surface.
-    solid : Solid
-        The body that its mesh bounds, if it is closed.
-    """
-
-    name: str
-    surface: Surface
-    cloud: ObjectCloud
-    distance: ObjectDistance
-    histograms: NDArray[np.float32]
-    descriptor_kind: str
-    marker_labels: tuple[str, ...]
-    marker_positions: Floats
-    mechanics: Mechanics
-    curvatures: Floats
-    neighbours: NDArray[np.int64]
-    solid: Solid
 
 
 @dataclass(frozen=True)
@@ -120,27 +64,6 @@ class PreparedHand:
     noise: MotionNoise
     marker_sd: Floats
     notes: tuple[str, ...] = ()
-
-
-def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
-    """Load an object's surface, sample its cloud and describe its points and its mechanics."""
-    surface = load_surface(described.mesh, described.mesh_scale)
-    cloud = sample_cloud(surface, parameters.cloud)
-    friction = parameters.quality.friction
-    return PreparedObject(
-        name=described.name,
-        surface=surface,
-        cloud=cloud,
-        distance=ObjectDistance(surface, cloud),
-        histograms=point_histograms(cloud, parameters.cloud),
-        descriptor_kind=descriptor_kind(parameters.cloud),
-        marker_labels=tuple(described.markers),
-        marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
-        mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
-        curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
-        neighbours=surface_neighbours(cloud.points, cloud.normals, cloud.spacing),
-        solid=Solid(surface),
-    )
 
 
 def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:

@@ -23,7 +23,7 @@ from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import load_surface
 from graspdb_ingest.parameters import CloudParameters, IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_object
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_queries.similar.library import descriptors_of
 from graspdb_queries.similar.metric import learn_metric
 from graspdb_schemas.manifest import SessionObject

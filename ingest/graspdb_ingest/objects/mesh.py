@@ -57,7 +57,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def load_surface(path: Path, scale: float = 1.0) -> Surface:
+def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units") -> Surface:
     """Read an object's mesh (STL, OBJ, PLY, GLB, OFF) or cloud (PLY, PCD), check it and mend what is safe.
 
     Parameters
@@ -66,6 +66,8 @@ def load_surface(path: Path, scale: float = 1.0) -> Surface:
         The file.
     scale : float
         Factor from the file's numbers to metres.
+    unit_key : str
+        Key of the manifest that the factor comes from, for messages.
 
     Returns
     -------
@@ -84,18 +86,20 @@ def load_surface(path: Path, scale: float = 1.0) -> Surface:
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
     geometry = read_geometry(path)
     if geometry.faces is None:
-        return _cloud_surface(path, geometry, scale)
-    return _mesh_surface(path, geometry, geometry.faces, scale)
+        return _cloud_surface(path, geometry, scale, unit_key)
+    return _mesh_surface(path, geometry, geometry.faces, scale, unit_key)
 
 
-def _mesh_surface(path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float) -> Surface:
+def _mesh_surface(
+    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, unit_key: str
+) -> Surface:
     used = np.unique(faces)
     broken = int(np.count_nonzero(~np.isfinite(geometry.vertices[used]).all(axis=1)))
     if broken:
         raise ObjectError(
             path, f"{broken} of its {len(used)} vertices are not finite", "Export the mesh again."
         )
-    _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale)
+    _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale, unit_key)
     vertices = np.where(np.isfinite(geometry.vertices), geometry.vertices, 0.0) * scale
     mended = mend(vertices, faces)
     mesh, warnings = mended.mesh, list(mended.warnings)
@@ -117,7 +121,7 @@ def _mesh_surface(path: Path, geometry: Geometry, faces: NDArray[np.int64], scal
     )
 
 
-def _cloud_surface(path: Path, geometry: Geometry, scale: float) -> Surface:
+def _cloud_surface(path: Path, geometry: Geometry, scale: float, unit_key: str) -> Surface:
     finite = np.asarray(np.isfinite(geometry.vertices).all(axis=1))
     points = geometry.vertices[finite] * scale
     if len(points) < 4:
@@ -140,11 +144,11 @@ def _cloud_surface(path: Path, geometry: Geometry, scale: float) -> Surface:
             normals = None
             warnings.append("some normals of the file are no directions; all are estimated")
     extents = np.ptp(points, axis=0)
-    _check_size(path, extents / scale, scale)
+    _check_size(path, extents / scale, scale, unit_key)
     return Surface(points, None, normals, None, None, extents, False, geometry.sha256, tuple(warnings))
 
 
-def _check_size(path: Path, size: Array, scale: float) -> None:
+def _check_size(path: Path, size: Array, scale: float, unit_key: str) -> None:
     """Raise ObjectError if the largest extent, in the file's numbers, cannot be that of an object."""
     largest = float(size.max()) * scale
     if SMALLEST_OBJECT <= largest <= LARGEST_OBJECT:
@@ -156,7 +160,7 @@ def _check_size(path: Path, size: Array, scale: float) -> None:
         if low <= size.max() * factor <= high
     ]
     remedy = (
-        f"With mesh_units {' or '.join(fitting)} it would fit a hand." if fitting else "Check mesh_units."
+        f"With {unit_key} {' or '.join(fitting)} it would fit a hand." if fitting else f"Check {unit_key}."
     )
     found = f"its largest extent is {largest:.4g} m; objects have {SMALLEST_OBJECT} to {LARGEST_OBJECT:.0f} m"
     raise ObjectError(path, found, remedy)

@@ -57,6 +57,11 @@ class SiteGaps:
         """Return the gaps of one frame."""
         return SiteGaps(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
+    def fill(self, frames: Integers, some: "SiteGaps") -> None:
+        """Put the gaps of some frames in their places."""
+        for name in self.__dataclass_fields__:
+            getattr(self, name)[frames] = getattr(some, name)
+
 
 def unknown_gaps(*leading: int) -> SiteGaps:
     """Return the gaps of a hand or an object that is not known, for leading axes such as frames."""
@@ -84,9 +89,7 @@ def site_gaps(surface: HandSurface, target: ObjectDistance) -> SiteGaps:
     known = np.flatnonzero(np.isfinite(surface.centres).all(axis=(1, 2)))
     for start in range(0, len(known), FRAMES_AT_ONCE):
         frames = known[start : start + FRAMES_AT_ONCE]
-        found = _refined(surface, surface.centres[frames], target)
-        for name in gaps.__dataclass_fields__:
-            getattr(gaps, name)[frames] = getattr(found, name)
+        gaps.fill(frames, _refined(surface, surface.centres[frames], target))
     return gaps
 
 
