@@ -11,12 +11,12 @@ without a codebook that ages:
   features; Wahl et al. 2003, 3DIM). Distances are in metres, so size counts.
 """
 
-from functools import cache
-from itertools import product
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 from scipy.stats import norm, qmc
 
 from graspdb_ingest.hand.model import Floats
@@ -57,17 +57,24 @@ def describe(
     areas : ndarray, shape (n,)
         Area that each point stands for.
     """
-    local = _local(histograms, areas)
+    return describe_features(points, normals, local_features(histograms), areas)
+
+
+def describe_features(
+    points: Floats, normals: Floats, features: NDArray[np.float32], areas: Floats
+) -> NDArray[np.float32]:
+    """Return the same from `local_features`, which an object has once for all of its parts."""
+    local = areas @ features / areas.sum()
     return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)
 
 
-def _local(histograms: NDArray[np.float32], areas: Floats) -> Floats:
-    """Return the mean Fourier features of histograms, shape (128,)."""
+def local_features(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the Fourier features of histograms of shape (n, 33), shape (n, 128)."""
     total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
     roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
     frequencies, phases = _fourier(roots.shape[1])
     features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
-    return np.asarray(areas @ features / areas.sum())
+    return np.asarray(features, dtype=np.float32)
 
 
 @cache
@@ -82,35 +89,48 @@ def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:
     """Return the square roots of the shares of pairs in each cell, shape (300,)."""
     n = len(points)
     chosen = np.unique(np.linspace(0, n - 1, min(n, PAIRED_POINTS)).round().astype(np.int64))
-    first, second = np.triu_indices(len(chosen), 1)
-    if not len(first):
+    if len(chosen) < 2:
         return np.zeros(int(np.prod(PAIR_BINS)))
-    points, normals, areas = points[chosen], normals[chosen], areas[chosen]
-    arms = points[second] - points[first]
-    distances = np.linalg.norm(arms, axis=1)
-    arms /= np.maximum(distances, 1e-12)[:, None]
-    cosines = np.einsum("ni,ni->n", normals[first], normals[second])
-    bends = np.einsum("ni,ni->n", normals[second] - normals[first], arms)
+    points, normals, areas = points[chosen] - points[chosen].mean(axis=0), normals[chosen], areas[chosen]
+    pairs = _upper(len(chosen))
+    distances = pdist(points)
+    # The normals' difference along the step between two points, by dot products of all with all.
+    dots = normals @ points.T
+    own = np.diagonal(dots)
+    bends = (own[:, None] + own - dots - dots.T).ravel()[pairs] / np.maximum(distances, 1e-12)
+    cosines = (normals @ normals.T).ravel()[pairs]
     ranges = (tuple(np.sqrt(PAIR_DISTANCES)), (-1.0, 1.0), (-2.0, 2.0))
-    shares = areas[first] * areas[second]
+    shares = np.outer(areas, areas).ravel()[pairs]
     cells = _soft_histogram((np.sqrt(distances), cosines, bends), ranges, shares)
     return np.asarray(np.sqrt(cells / cells.sum()))
+
+
+@lru_cache(maxsize=64)
+def _upper(n: int) -> NDArray[np.int64]:
+    """Return the places above the diagonal of a matrix of n rows laid out flat, row by row."""
+    first, second = np.triu_indices(n, 1)
+    return np.asarray(n * first + second, dtype=np.int64)
 
 
 def _soft_histogram(
     values: tuple[Floats, Floats, Floats], ranges: tuple[tuple[float, ...], ...], weights: Floats
 ) -> Floats:
-    """Return a histogram whose entries are shared among neighbouring cells, by distance, flat."""
-    lower, beyond = [], []
-    for value, (low, high), bins in zip(values, ranges, PAIR_BINS, strict=True):
-        place = np.clip((value - low) / (high - low) * (bins - 1), 0, bins - 1)
-        lower.append(np.minimum(place.astype(np.int64), bins - 2))
-        beyond.append(place - lower[-1])
-    cells = np.zeros(int(np.prod(PAIR_BINS)))
-    for corner in product((0, 1), repeat=3):
-        share = weights.copy()
-        for step, part in zip(corner, beyond, strict=True):
-            share *= part if step else 1 - part
-        where = np.ravel_multi_index([low + step for low, step in zip(lower, corner, strict=True)], PAIR_BINS)
-        cells += np.bincount(where, share, minlength=len(cells))
-    return cells
+    """Return a histogram whose entries are shared among neighbouring cells, by distance, flat.
+
+    An entry's shares in the eight cells around it are products of its places within the lowest of them, so
+    the sums of these products over each lowest cell are all that is needed of the entries.
+    """
+    place = np.zeros(len(weights), dtype=np.int64)
+    moments = np.empty((8, len(weights)))
+    moments[0] = weights
+    for i, (value, (low, high), bins) in enumerate(zip(values, ranges, PAIR_BINS, strict=True)):
+        scaled = np.clip((value - low) / (high - low) * (bins - 1), 0, bins - 1)
+        lower = np.minimum(scaled.astype(np.int64), bins - 2)
+        place = place * bins + lower
+        np.multiply(moments[: 2**i], scaled - lower, out=moments[2**i : 2 ** (i + 1)])
+    n_cells = int(np.prod(PAIR_BINS))
+    sums = np.array([np.bincount(place, row, minlength=n_cells) for row in moments])
+    sums = sums.reshape(2, 2, 2, *PAIR_BINS)  # what the last value multiplies comes first
+    for axis in (2, 1, 0):
+        sums = sums[0] - sums[1] + np.roll(sums[1], 1, axis=axis - 3)
+    return np.asarray(sums.ravel())

@@ -160,7 +160,7 @@ def enclose(
     contacts = touching(posed, parameters.contact.threshold, prepared.distance)
     centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
     space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
-    feature = graspable_feature(prepared.cloud, prepared.histograms, space)
+    feature = graspable_feature(prepared.cloud, prepared.features, space)
     shape = feature_shape(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
     )

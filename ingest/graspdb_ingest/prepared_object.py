@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.descriptor import descriptor_kind
+from graspdb_ingest.descriptor import descriptor_kind, local_features
 from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
@@ -40,6 +40,8 @@ class PreparedObject:
         How far it is: exact to the mesh, where there is one.
     histograms : ndarray of float32, shape (n_points, 33)
         FPFH of every point.
+    features : ndarray of float32, shape (n_points, 128)
+        Their Fourier features, of which the descriptors of the object's parts are made.
     descriptor_kind : str
         Kind of the descriptors that are made of them.
     marker_labels : tuple of str
@@ -64,6 +66,7 @@ class PreparedObject:
     cloud: ObjectCloud
     distance: ObjectDistance
     histograms: NDArray[np.float32]
+    features: NDArray[np.float32]
     descriptor_kind: str
     marker_labels: tuple[str, ...]
     marker_positions: Floats
@@ -101,12 +104,14 @@ def prepare_cloud(
 ) -> PreparedObject:
     """Describe the points of an object's cloud, and its mechanics."""
     friction = parameters.quality.friction
+    histograms = point_histograms(cloud, parameters.cloud)
     return PreparedObject(
         name=described.name,
         surface=surface,
         cloud=cloud,
         distance=ObjectDistance(surface, cloud),
-        histograms=point_histograms(cloud, parameters.cloud),
+        histograms=histograms,
+        features=local_features(histograms),
         descriptor_kind=descriptor_kind(parameters.cloud),
         marker_labels=tuple(described.markers),
         marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
@@ -148,6 +153,7 @@ def join_live_clouds(
         cloud=cloud,
         distance=live.distance,
         histograms=np.concatenate([part.histograms for part in parts]),
+        features=np.concatenate([part.features for part in parts]),
         mechanics=object_mechanics(live.surface, cloud, friction, described.friction),
         curvatures=np.concatenate([part.curvatures for part in parts]),
         neighbours=np.concatenate([part.neighbours + part.first_point for part in parts]),
