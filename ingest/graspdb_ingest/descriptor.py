@@ -102,7 +102,8 @@ def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:
     ranges = (tuple(np.sqrt(PAIR_DISTANCES)), (-1.0, 1.0), (-2.0, 2.0))
     shares = np.outer(areas, areas).ravel()[pairs]
     cells = _soft_histogram((np.sqrt(distances), cosines, bends), ranges, shares)
-    return np.asarray(np.sqrt(cells / cells.sum()))
+    # Sums of products leave cells that nothing falls into a rounding error off zero.
+    return np.asarray(np.sqrt(np.maximum(cells, 0.0) / cells.sum()))
 
 
 @lru_cache(maxsize=64)

@@ -165,7 +165,7 @@ def enclose(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
     )
     opposed = find_opposition(contacts)
-    typed = grasp_type(contacts, opposed)
+    typed = grasp_type(contacts, opposed, posed.points)
     inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)

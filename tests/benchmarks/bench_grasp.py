@@ -11,6 +11,7 @@ from harness import Result, benchmark
 
 sys.path.append(str(Path(__file__).parents[1]))
 from dexycb import THICKNESS, find_all, prepare_objects, read_grasps
+from typed_grasps import told_types
 
 import graspdb
 from graspdb.ingestion import ingest
@@ -67,6 +68,22 @@ def real_features() -> list[Result]:
         note = f"bar 96 %; {np.sum(points >= 30)} of {len(points)} grasps of DexYCB"
         results.append(Result(name, share, None, "%", better="more", note=note))
     return results
+
+
+@benchmark("grasp types")
+def grasp_types() -> list[Result]:
+    """Tell the types of simulated grasps of known kinds, by eight hands."""
+    told = list(told_types(tuple(np.linspace(0.168, 0.203, 8)), seed=0))
+    named = [one for one in told if one.typed.confidence is not None]
+    right = 100 * float(np.mean([one.right for one in named]))
+    confidence = 100 * float(np.mean([one.typed.confidence for one in named]))
+    counts = f"{len(named)} of {len(told)} grasps of 15 kinds get a type"
+    share = 100 * len(named) / len(told)
+    sure = f"peer: their mean confidence, which must not be above; {counts}"
+    return [
+        Result("grasps that get a type", share, None, "%", better="more", note=counts),
+        Result("of these, right", right, confidence, "%", better="more", note=sure),
+    ]
 
 
 @benchmark("first experiment")
