@@ -24,7 +24,7 @@ from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
 from graspdb_ingest.session_rows import live_object_rows
 from graspdb_ingest.tracking.faults import describe
-from graspdb_ingest.trial import TrackedTrial, track_trial
+from graspdb_ingest.trial import TrackedHand, TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.conform import rows_schema
@@ -200,9 +200,24 @@ def _hand_notes(tracked: TrackedTrial) -> list[str]:
     notes: list[str] = []
     for hand in tracked.hands.values():
         notes += [*hand.prepared.notes, *(() if hand.glove is None else hand.glove.notes)]
+        notes += _no_grasp(tracked, hand)
         recording, labels = tracked.markers.recording, hand.prepared.hand.markers
         notes += describe(hand.track.faults, labels, recording.rate, float(tracked.markers.times[0]))
     return notes
+
+
+def _no_grasp(tracked: TrackedTrial, hand: TrackedHand) -> list[str]:
+    """Return why a hand that is beside an object holds nothing."""
+    if tracked.object is None or hand.holds:
+        return []
+    side, gap = hand.prepared.hand.side, hand.posed.gaps.gap
+    if not tracked.object.track.known.any():
+        return [f"no grasp by the {side} hand: where the object is, is never known"]
+    if not np.isfinite(gap).any():
+        return [f"no grasp by the {side} hand: hand and object are never known at once"]
+    return [
+        f"no grasp by the {side} hand: it comes no nearer to the object than {1e3 * np.nanmin(gap):.1f} mm"
+    ]
 
 
 def _gloves(

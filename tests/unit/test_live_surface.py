@@ -1,5 +1,6 @@
 """An object that nobody has modelled: depth-camera clouds alone, from the file to the grasp."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 import trimesh
 import yaml
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
 import graspdb
+from graspdb.cli import app
 from graspdb.ingestion import ingest
 from graspdb.simulate import simulate_session
 from graspdb.simulate.truth import load_truth
@@ -19,7 +22,7 @@ from graspdb_ingest.objects.live import read_cloud_times
 from graspdb_ingest.objects.live_surface import NO_CLOUD, follow_surface
 from graspdb_ingest.objects.mesh import load_surface
 from graspdb_ingest.parameters import CloudParameters, RegistrationParameters
-from graspdb_schemas.errors import ManifestError, RecordingError
+from graspdb_schemas.errors import ManifestError, QueryError, RecordingError
 from graspdb_schemas.manifest_reader import parse_manifest
 
 CAMERAS = np.array([[0.9, -0.9, 0.7], [-0.9, 0.9, 0.7]])
@@ -170,7 +173,7 @@ def test_a_camera_without_a_place_is_refused(tmp_path: Path, title: str, row: st
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a simulated trial in which two depth cameras see the milk jug past the hand."""
     folder = tmp_path_factory.mktemp("live") / "session"
-    simulate_session(folder, subjects=1, trials=1, seed=3, objects=["jug"], kinds=["side_power"])
+    simulate_session(folder, subjects=1, trials=1, seed=3, objects=["jug"], kinds=["side_power"], rate=60.0)
     (true,) = load_truth(folder).trials.values()
     manifest = yaml.safe_load((folder / "session.yaml").read_text())
     (trial,) = manifest["trials"]
@@ -186,7 +189,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ball = trimesh.creation.icosphere(2, 0.008)
     rng, rows = np.random.default_rng(0), []
     rotations = Rotation.from_quat(true.object_rotation, scalar_first=True).as_matrix()
-    for frame in range(0, len(true.times), 12):  # 10 clouds a second
+    for frame in range(0, len(true.times), 6):  # 10 clouds a second
         here = placed(jug, rotations[frame], true.object_position[frame])
         hand = [placed(ball, np.eye(3), site) for site in true.sites[frame]]
         points = np.concatenate([seen(here, hand, camera) for camera in CAMERAS])
@@ -264,3 +267,55 @@ def test_check_says_what_is_wrong_with_a_list_of_clouds(session: Path) -> None:
     first, second = check_session(session / "other.yaml").trials
     assert not [warning for warning in first.warnings if "clouds" in warning]
     assert any("it lists no cloud" in warning for warning in second.warnings)
+
+
+def test_a_hand_that_never_reaches_the_object_says_how_near_it_came(session: Path, tmp_path: Path) -> None:
+    """Cut the trial before the hand comes: it has no grasp, and a stored reason."""
+    manifest = yaml.safe_load((session / "session.yaml").read_text())
+    del manifest["trials"][1]
+    (true,) = load_truth(session).trials.values()
+    manifest["trials"][0]["end"] = true.events.reach + 0.2
+    (session / "early.yaml").write_text(yaml.safe_dump(manifest))
+    (trial,) = ingest(session / "early.yaml", tmp_path / "db").trials
+    assert trial.status == "ok", trial.reasons
+    assert trial.n_grasps == 0
+    assert any("it comes no nearer to the object than" in reason for reason in trial.reasons)
+
+
+def map_file(database: Path, path: Path, grasp: str) -> Path:
+    """Write an object's points as measured, touched where the stored contact map says up to 2 mm."""
+    with graspdb.open(database) as db:
+        thing = (
+            db.sql("SELECT object_ingest_id AS id FROM grasp_objects WHERE grasp = $g", g=grasp).df().id[0]
+        )
+        points = db.sql(
+            "SELECT point, position, normal FROM object_points WHERE ingest_id = $i ORDER BY point", i=thing
+        ).rows()
+        ((near, gaps),) = db.sql("SELECT points, gaps FROM contact_maps WHERE grasp = $g", g=grasp).rows()
+    touched = {point for point, gap in zip(near, gaps, strict=True) if gap < 0.002}
+    lines = ["x,y,z,contact,nx,ny,nz"]
+    lines += [
+        ",".join(str(v) for v in (*position, float(point in touched), *normal))
+        for point, position, normal in points
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_map_made_of_a_stored_grasp_agrees_with_that_grasp(database: Path, tmp_path: Path) -> None:
+    with graspdb.open(database) as db:
+        grasp = db.sql("SELECT grasp FROM grasps WHERE object = 'jug'").rows()[0][0]
+    file = map_file(database, tmp_path / "measured.csv", grasp)
+    command = ["validate", "contact-map", str(file), "--db", str(database)]
+    told = CliRunner().invoke(
+        app, [*command, "--grasp", grasp, "--surface", "spheres", "--gap", "2", "--json"]
+    )
+    assert told.exit_code == 0, told.output
+    by_distance = json.loads(told.output)[0]
+    assert by_distance["auc"] == pytest.approx(1, abs=1e-6)
+    assert by_distance["at"][0]["f1"] == pytest.approx(1, abs=1e-3)
+    unknown = CliRunner().invoke(app, [*command, "--grasp", f"{grasp}0"])
+    assert isinstance(unknown.exception, QueryError)
+    missing = CliRunner().invoke(app, command)
+    assert missing.exit_code == 2
+    assert "name the grasps" in " ".join(missing.output.split())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_ingest.objects.files import Geometry, read_geometry
-from graspdb_ingest.objects.repair import mend
+from graspdb_ingest.objects.repair import mend, stray_pieces
 from graspdb_ingest.rigid import Array
 from graspdb_schemas.errors import ObjectError, ParameterError
 
@@ -108,6 +108,7 @@ def _mesh_surface(
     watertight = bool(mesh.is_watertight and mesh.is_winding_consistent)
     if not watertight:
         warnings.append("not watertight: no volume")
+    warnings += stray_pieces(mesh)
     return Surface(
         vertices=np.array(mesh.vertices),
         faces=np.array(mesh.faces, dtype=np.int64),
