@@ -47,7 +47,8 @@ def _sequence(sequence: Sequence) -> tuple[int, int, int, int, int, float]:
     timing, h = EventParameters(), ContactParameters().threshold
     n = len(sequence.object_positions)
     times = np.arange(n) / sequence.rate
-    middle = np.tile(np.asarray(sequence.target.cloud.points.mean(axis=0), dtype=np.float64), (n, 1, 1))
+    centre = sequence.target.cloud.points.mean(axis=0)
+    middle = np.asarray(np.tile(centre, (n, 1, 1)), dtype=np.float64)
     positions = transform_points(sequence.object_rotations, sequence.object_positions, middle)[:, 0]
     lifts: list[tuple[float, float]] = []
     events, whole, far = 0, 0, 0
