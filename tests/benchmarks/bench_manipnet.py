@@ -59,7 +59,8 @@ def _sequence(sequence: Sequence) -> tuple[int, int, int, int, int, float]:
         events += len(own)
         whole += sum(event.before == event.after == "free" for event in own)
         far += int((states[gap >= 0.02] == TOUCHES).sum())
-        in_lab = transform_points(sequence.object_rotations, sequence.object_positions, hand.sites)
+        sites = np.asarray(hand.sites, dtype=np.float64)
+        in_lab = transform_points(sequence.object_rotations, sequence.object_positions, sites)
         holds = find_holds(times, gap, positions, in_lab, UP, h, timing)
         lifts += [
             (float(times[x.lift_onset]), float(times[x.last])) for x in holds if x.lift_onset is not None
