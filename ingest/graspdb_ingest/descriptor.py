@@ -64,7 +64,7 @@ def describe_features(
     points: Floats, normals: Floats, features: NDArray[np.float32], areas: Floats
 ) -> NDArray[np.float32]:
     """Return the same from `local_features`, which an object has once for all of its parts."""
-    local = areas @ features / areas.sum()
+    local = (areas / areas.sum()).astype(np.float32) @ features
     return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)
 
 
