@@ -1,0 +1,49 @@
+"""Which importers there are: one table, by the name of their format."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from graspdb_ingest.importers import keypoints
+from graspdb_ingest.importers.base import Importer
+from graspdb_schemas.errors import ImportSourceError, ParameterError, nearest
+
+IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType(
+    {entry.format.name: entry for entry in (keypoints.IMPORTER,)}
+)
+"""Every importer by the name of its format."""
+
+
+def importer(name: str) -> Importer:
+    """Return an importer by the name of its format.
+
+    Raises
+    ------
+    ParameterError
+        There is no such format.
+    """
+    if name not in IMPORTERS:
+        names = list(IMPORTERS)
+        raise ParameterError("format", name, ", ".join(names) + nearest(name, names))
+    return IMPORTERS[name]
+
+
+def with_suggestion(error: ImportSourceError, path: Path, wanted: Importer) -> ImportSourceError:
+    """Return an importer's error with what it expected, and what the path looks like instead.
+
+    Parameters
+    ----------
+    error : ImportSourceError
+        What the importer found.
+    path : Path
+        What was to be imported.
+    wanted : Importer
+        The importer that did not find its data set there.
+    """
+    alike = [name for name, entry in IMPORTERS.items() if entry is not wanted and entry.recognises(path)]
+    expected = "; ".join(wanted.format.needs)
+    remedy = f"{error.remedy} {wanted.format.name} needs {expected} ({wanted.format.documentation})."
+    if alike and not wanted.recognises(path):
+        remedy += f" This looks like {' or '.join(alike)}: graspdb import {alike[0]} {path}"
+    return ImportSourceError(error.path, error.found, remedy)
