@@ -5,14 +5,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from graspdb_ingest.importers import keypoints
+from graspdb_ingest.importers import bvh, contactpose, keypoints
 from graspdb_ingest.importers.base import Importer
 from graspdb_schemas.errors import ImportSourceError, ParameterError, nearest
 
 IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType(
-    {entry.format.name: entry for entry in (keypoints.IMPORTER,)}
+    {
+        entry.format.name: entry
+        for entry in (keypoints.IMPORTER, bvh.IMPORTER, contactpose.IMPORTER, bvh.MANIPNET_IMPORTER)
+    }
 )
-"""Every importer by the name of its format."""
+"""Every importer by the name of its format; general formats first."""
 
 
 def importer(name: str) -> Importer:
@@ -41,7 +44,9 @@ def with_suggestion(error: ImportSourceError, path: Path, wanted: Importer) -> I
     wanted : Importer
         The importer that did not find its data set there.
     """
-    alike = [name for name, entry in IMPORTERS.items() if entry is not wanted and entry.recognises(path)]
+    # The general formats come first in the table, and recognise what the special ones do, too.
+    others = [entry for entry in reversed(IMPORTERS.values()) if entry is not wanted]
+    alike = [entry.format.name for entry in others if entry.recognises(path)]
     expected = "; ".join(wanted.format.needs)
     remedy = f"{error.remedy} {wanted.format.name} needs {expected} ({wanted.format.documentation})."
     if alike and not wanted.recognises(path):
