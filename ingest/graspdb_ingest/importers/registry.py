@@ -45,7 +45,7 @@ def with_suggestion(error: ImportSourceError, path: Path, wanted: Importer) -> I
         The importer that did not find its data set there.
     """
     # The general formats come first in the table, and recognise what the special ones do, too.
-    others = [entry for entry in reversed(IMPORTERS.values()) if entry is not wanted]
+    others = [entry for entry in reversed(list(IMPORTERS.values())) if entry is not wanted]
     alike = [entry.format.name for entry in others if entry.recognises(path)]
     expected = "; ".join(wanted.format.needs)
     remedy = f"{error.remedy} {wanted.format.name} needs {expected} ({wanted.format.documentation})."
