@@ -82,7 +82,17 @@ def load_surface(path: Path, scale: float = 1.0) -> Surface:
     """
     if not (np.isfinite(scale) and scale > 0):
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
-    geometry = read_geometry(path)
+    return surface_of(path, read_geometry(path), scale)
+
+
+def surface_of(path: Path, geometry: Geometry, scale: float = 1.0) -> Surface:
+    """Check the vertices and faces that a file holds and mend what is safe; see `load_surface`.
+
+    Raises
+    ------
+    ObjectError
+        If they cannot be the surface of an object.
+    """
     if geometry.faces is None:
         return _cloud_surface(path, geometry, scale)
     return _mesh_surface(path, geometry, geometry.faces, scale)
