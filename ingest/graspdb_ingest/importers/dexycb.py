@@ -19,7 +19,7 @@ camera is asked.
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -35,7 +35,15 @@ from graspdb_ingest.importers.base import (
     ObjectSource,
     clip_name,
 )
-from graspdb_ingest.importers.fields import AGAIN, entry, find_ycb_mesh, matches, numbers, read_yaml
+from graspdb_ingest.importers.fields import (
+    AGAIN,
+    entry,
+    find_ycb_mesh,
+    matches,
+    metres_in,
+    numbers,
+    read_yaml,
+)
 from graspdb_ingest.rigid import Array, transform_points
 from graspdb_schemas.errors import ImportSourceError
 from graspdb_schemas.vocabulary import Side
@@ -148,14 +156,8 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
             if np.isnan(points[frame, 0, 0]) or np.isnan(poses[frame, 0, 0]):
                 if serial not in cameras:
                     raise ImportSourceError(extrinsics, f"it has no camera {serial}", AGAIN)
-                _fill(
-                    points[frame],
-                    poses[frame],
-                    read_npz(file, ("joint_3d", "pose_y")),
-                    cameras[serial],
-                    grasped,
-                    file,
-                )
+                label = _label(file, grasped, metres_in(options))
+                _fill(points[frame], poses[frame], label, cameras[serial])
     return Clip(
         hands=(ClipHand(_side(content, meta), points),),
         rate=options.rate or RATE,
@@ -218,15 +220,22 @@ def _labels(source: ClipSource, n_frames: int) -> dict[str, dict[int, Path]]:
     return found
 
 
-def _fill(
-    points: Floats, pose: Floats, label: Mapping[str, Any], camera: Array, grasped: int, file: Path
-) -> None:
-    """Write hand (21, 3) and object pose (4, 4) of one label, where it has them, in the common frame."""
+def _label(file: Path, grasped: int, scale: float) -> tuple[Floats, Floats]:
+    """Return the joints (21, 3) and the pose (3, 4) of the object that is grasped, in the camera's axes."""
+    label = read_npz(file, ("joint_3d", "pose_y"))
     joints = numbers(label, "joint_3d", (1, 21, 3), file)[0]
     objects = numbers(label, "pose_y", (None, 3, 4), file)
     if grasped >= len(objects):
         raise ImportSourceError(file, f"pose_y has {len(objects)} objects, not number {grasped}", AGAIN)
-    if np.isnan(points[0, 0]) and (joints != -1).any():
-        points[:] = transform_points(camera[:3, :3], camera[:3, 3], joints)
-    if np.isnan(pose[0, 0]) and objects[grasped].any():
-        pose[:] = camera @ np.vstack([objects[grasped], [0.0, 0.0, 0.0, 1.0]])
+    pose = objects[grasped].copy()
+    pose[:, 3] *= scale
+    return np.where((joints == -1).all(), np.nan, scale * joints), pose
+
+
+def _fill(points: Floats, pose: Floats, label: tuple[Floats, Floats], camera: Array) -> None:
+    """Write hand (21, 3) and object pose (4, 4) of one label in the common frame, where they are missing."""
+    joints, placed = label
+    if np.isnan(points[0, 0]):
+        points[:] = transform_points(camera[:3, :3], camera[:3, 3], np.asarray(joints, dtype=np.float64))
+    if np.isnan(pose[0, 0]) and placed.any():
+        pose[:] = camera @ np.vstack([placed, [0.0, 0.0, 0.0, 1.0]])

@@ -11,16 +11,17 @@ from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.importers.archives import read_bytes
-from graspdb_ingest.importers.base import ImportOptions
+from graspdb_ingest.importers.base import ClipSource, ImportOptions
 from graspdb_ingest.importers.meshes import find_mesh
-from graspdb_schemas.errors import ImportSourceError
+from graspdb_schemas.errors import ImportSourceError, ParameterError
+from graspdb_schemas.units import METRES_PER, metres_per
 
 AGAIN: Final = "Download it again; the download may have been cut off."
 Shape = tuple[int | None, ...]
 
 
 def numbers(content: object, key: str, shapes: Shape | tuple[Shape, ...], path: Path) -> Floats:
-    """Return the array of numbers under a key of a mapping.
+    """Return the array of numbers under a key of a mapping, to be changed at will.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def numbers(content: object, key: str, shapes: Shape | tuple[Shape, ...], path: 
         raise ImportSourceError(path, found, f"It should be numbers of shape {wanted}. {AGAIN}")
     if not np.isfinite(value).all():
         raise ImportSourceError(path, f"{key} has values that are not finite", AGAIN)
-    return np.asarray(value, dtype=np.float64)
+    return np.array(value, dtype=np.float64)
 
 
 def entry(content: object, key: str, path: Path) -> Any:
@@ -162,6 +163,28 @@ def find_ycb_mesh(name: str, data: Path, options: ImportOptions) -> Path:
         if (place / "textured_simple.obj").is_file():
             return place / "textured_simple.obj"
     return find_mesh(name, data, options)
+
+
+def mesh_of(source: ClipSource) -> Path:
+    """Return the mesh of a clip that `find` gave an object."""
+    if source.object is None:
+        raise ImportSourceError(source.files[0], "its clip has no object", AGAIN)
+    return source.object.file
+
+
+def metres_in(options: ImportOptions) -> float:
+    """Return the factor to metres of lengths that are metres in the data set unless the user says otherwise.
+
+    Raises
+    ------
+    ParameterError
+        If the user names no unit of length.
+    """
+    unit = options.units or "m"
+    scale = metres_per(unit)
+    if scale is None:
+        raise ParameterError("units", unit, ", ".join(METRES_PER))
+    return scale
 
 
 def _fits(shape: tuple[int, ...], wanted: Any) -> bool:

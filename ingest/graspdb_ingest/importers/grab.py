@@ -36,7 +36,16 @@ from graspdb_ingest.importers.base import (
     ObjectSource,
     clip_name,
 )
-from graspdb_ingest.importers.fields import AGAIN, entry, matches, numbers, rigid, rotations_of, word
+from graspdb_ingest.importers.fields import (
+    AGAIN,
+    entry,
+    matches,
+    mesh_of,
+    numbers,
+    rigid,
+    rotations_of,
+    word,
+)
 from graspdb_ingest.importers.mano import N_SHAPE, find_mano, read_mano
 from graspdb_ingest.importers.order import in_usual_order
 from graspdb_ingest.objects.files import read_geometry
@@ -105,7 +114,6 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
             subject=file.parent.name,
             files=(file, *templates, *models),
             object=ObjectSource(name, mesh, category=name),
-            part={"mesh": mesh},
         )
 
 
@@ -134,7 +142,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
         poses=rigid(rotations, positions),
         up=(0.0, 0.0, 1.0),
         task=word(content, "motion_intent", file),
-        measured=_measured(content, source.part["mesh"], len(vectors), file),
+        measured=_measured(content, mesh_of(source), len(vectors), file),
     )
 
 

@@ -32,7 +32,16 @@ from graspdb_ingest.importers.base import (
     ImportOptions,
     ObjectSource,
 )
-from graspdb_ingest.importers.fields import entry, find_ycb_mesh, matches, numbers, rigid, rotations_of, word
+from graspdb_ingest.importers.fields import (
+    entry,
+    find_ycb_mesh,
+    matches,
+    metres_in,
+    numbers,
+    rigid,
+    rotations_of,
+    word,
+)
 from graspdb_ingest.importers.order import in_usual_order
 from graspdb_schemas.errors import ImportSourceError
 from graspdb_schemas.vocabulary import Side
@@ -97,6 +106,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     """
     first = int(source.files[0].stem)
     n_frames = int(source.files[-1].stem) - first + 1
+    scale = metres_in(options)
     points = np.full((n_frames, 21, 3), np.nan)
     vectors, positions = np.zeros((n_frames, 3)), np.full((n_frames, 3), np.nan)
     for file in source.files:
@@ -107,9 +117,9 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
         if joints.ndim == 1:
             found = "it has the wrist alone, as all of the evaluation split"
             raise ImportSourceError(file, found, "Import the folder train.")
-        points[frame] = in_usual_order(joints * _FROM_OPENGL, options.order or "mano")
+        points[frame] = in_usual_order(scale * joints * _FROM_OPENGL, options.order or "mano")
         vectors[frame] = numbers(content, "objRot", ((3,), (3, 1)), file).ravel()
-        positions[frame] = numbers(content, "objTrans", (3,), file) * _FROM_OPENGL
+        positions[frame] = scale * numbers(content, "objTrans", (3,), file) * _FROM_OPENGL
     poses = rigid(_FROM_OPENGL[:, None] * rotations_of(vectors), positions)
     poses[np.isnan(positions[:, 0])] = np.nan
     notes = () if options.rate else (f"HO-3D does not state its rate; {RATE:g} Hz was taken",)

@@ -35,7 +35,7 @@ from graspdb_ingest.importers.base import (
     ObjectSource,
     clip_name,
 )
-from graspdb_ingest.importers.fields import AGAIN, matches, numbers
+from graspdb_ingest.importers.fields import AGAIN, matches, mesh_of, metres_in, numbers
 from graspdb_ingest.importers.meshes import find_mesh
 from graspdb_ingest.importers.order import in_usual_order
 from graspdb_ingest.objects.files import read_geometry
@@ -98,7 +98,6 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
             files=tuple(joints) + tuple(image / "anno" / "obj_transf" / file.name for file in joints),
             object=ObjectSource(thing, mesh),
             part={
-                "mesh": mesh,
                 "task": INTENTS.get(intent),
                 "camera": chosen,
                 "identifier": f"{thing}_{intent}_{subjects}/{time}",
@@ -117,17 +116,18 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     half = len(source.files) // 2
     frames = [_frame(file) for file in source.files[:half]]
     n_frames = frames[-1] - frames[0] + 1
+    scale = metres_in(options)
     points = np.full((n_frames, 21, 3), np.nan)
     poses = np.full((n_frames, 4, 4), np.nan)
-    vertices = read_geometry(source.part["mesh"]).vertices
+    vertices = read_geometry(mesh_of(source)).vertices
     middle = np.eye(4)
     middle[:3, 3] = -(vertices.min(axis=0) + vertices.max(axis=0)) / 2
     for frame, joints, pose in zip(frames, source.files[:half], source.files[half:], strict=True):
         seen = numbers({"hand_j": read_pickle(joints)}, "hand_j", (21, 3), joints)
-        points[frame - frames[0]] = in_usual_order(seen, options.order or "openpose")
-        poses[frame - frames[0]] = (
-            numbers({"obj_transf": read_pickle(pose)}, "obj_transf", (4, 4), pose) @ middle
-        )
+        points[frame - frames[0]] = in_usual_order(scale * seen, options.order or "openpose")
+        placed = numbers({"obj_transf": read_pickle(pose)}, "obj_transf", (4, 4), pose)
+        placed[:3, 3] *= scale
+        poses[frame - frames[0]] = placed @ middle
     return Clip(
         hands=(ClipHand(Side.RIGHT, points),),
         rate=options.rate or RATE,

@@ -5,13 +5,21 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from graspdb_ingest.importers import keypoints
+from graspdb_ingest.importers import arctic, dexycb, grab, ho3d, hot3d, keypoints, oakink
 from graspdb_ingest.importers.base import Importer
 from graspdb_schemas.errors import ImportSourceError, ParameterError, nearest
 
-IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType(
-    {entry.format.name: entry for entry in (keypoints.IMPORTER,)}
+_TABLE: Final = (
+    keypoints.IMPORTER,
+    dexycb.IMPORTER,
+    ho3d.IMPORTER,
+    grab.IMPORTER,
+    arctic.IMPORTER,
+    oakink.IMPORTER,
+    hot3d.IMPORTER,
 )
+
+IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType({entry.format.name: entry for entry in _TABLE})
 """Every importer by the name of its format."""
 
 
