@@ -124,6 +124,8 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     ------
     ImportSourceError
         If a file is cut off or of another layout.
+    ObjectError
+        If a mesh is.
     """
     file = source.files[0]
     content = read_npz(file, _KEYS)
