@@ -171,7 +171,7 @@ TRIALS: Final = pa.schema(
             "m/s^1.5, rad/s^1.5, s, m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
-        _column("data_set", pa.string(), "public data set it was imported from; null for own recordings"),
+        _column("data_set", pa.string(), "data set it was imported from; null for own recordings"),
         _column("data_set_version", pa.string(), "version of that data set"),
         _column("original_id", pa.string(), "what the data set calls it"),
         _column("licence", pa.string(), "licence note of the data; null for own recordings"),

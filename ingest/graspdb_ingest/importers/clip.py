@@ -150,7 +150,8 @@ def _trial_row(
         "status": "rejected" if reasons else "ok",
         "reasons": [*reasons, *notes],
         "n_grasps": 0,
-        "data_set": form.title,
+        # A general format is no data set: there the session is what the user calls it.
+        "data_set": form.title if form.licence else job.session,
         "data_set_version": form.version,
         "licence": job.options.licence or form.licence or "not stated",
         "attributes": "{}",

@@ -168,5 +168,5 @@ def _measured_rows(
             "frame": frame,
             "kind": measured.kind,
             "points": touched.tolist(),
-            "contact": contact[touched].tolist(),
+            "contact": contact[touched].astype(np.float64).tolist(),
         }

@@ -183,7 +183,7 @@ def _check_side(hand: ClipHand, file: Path) -> None:
         file,
         f"key points declared to be of the {hand.side} hand are those of a {found} one "
         f"(chirality {chirality(hand.key_points):+.2f}; right is positive)",
-        f"Say --side {found} if the label is wrong; if the axes are left-handed, negate one of them.",
+        "Correct the side if it is wrong; if the axes are left-handed, negate one of them.",
     )
 
 

@@ -5,12 +5,25 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from graspdb_ingest.importers import arctic, dexycb, grab, ho3d, hot3d, keypoints, oakink
+from graspdb_ingest.importers import (
+    arctic,
+    bvh,
+    contactpose,
+    dexycb,
+    grab,
+    ho3d,
+    hot3d,
+    keypoints,
+    oakink,
+)
 from graspdb_ingest.importers.base import Importer
 from graspdb_schemas.errors import ImportSourceError, ParameterError, nearest
 
 _TABLE: Final = (
     keypoints.IMPORTER,
+    bvh.IMPORTER,
+    contactpose.IMPORTER,
+    bvh.MANIPNET_IMPORTER,
     dexycb.IMPORTER,
     ho3d.IMPORTER,
     grab.IMPORTER,
@@ -20,7 +33,7 @@ _TABLE: Final = (
 )
 
 IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType({entry.format.name: entry for entry in _TABLE})
-"""Every importer by the name of its format."""
+"""Every importer by the name of its format; general formats first."""
 
 
 def importer(name: str) -> Importer:
@@ -49,7 +62,9 @@ def with_suggestion(error: ImportSourceError, path: Path, wanted: Importer) -> I
     wanted : Importer
         The importer that did not find its data set there.
     """
-    alike = [name for name, entry in IMPORTERS.items() if entry is not wanted and entry.recognises(path)]
+    # The general formats come first in the table, and recognise what the special ones do, too.
+    others = [entry for entry in reversed(list(IMPORTERS.values())) if entry is not wanted]
+    alike = [entry.format.name for entry in others if entry.recognises(path)]
     expected = "; ".join(wanted.format.needs)
     remedy = f"{error.remedy} {wanted.format.name} needs {expected} ({wanted.format.documentation})."
     if alike and not wanted.recognises(path):
