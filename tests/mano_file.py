@@ -38,10 +38,10 @@ def rest_key_points(side: Side) -> np.ndarray:
     return np.asarray(np.vstack([wrist, pose.sites]) - wrist)
 
 
-def mano_content(side: Side, seed: int = 7) -> dict[str, Any]:
-    """Return the arrays of a model file as the published ones name and shape them."""
-    rng = np.random.default_rng(seed)
-    points = rest_key_points(side)[list(USUAL_OF_MANO)]
+def mano_content(side: Side, usual: np.ndarray | None = None) -> dict[str, Any]:
+    """Return the arrays of a model file, named and shaped like the published ones, about key points at rest."""
+    rng = np.random.default_rng(7)
+    points = (rest_key_points(side) if usual is None else usual)[list(USUAL_OF_MANO)]
     template = rng.normal(scale=0.02, size=(778, 3)) + points[rng.integers(0, 21, 778)]
     template[list(TIP_VERTICES)] = points[16:]
     free = [v for v in range(778) if v not in TIP_VERTICES]

@@ -57,7 +57,7 @@ def grasping_hand(side: Side, bend: float = 0.6) -> np.ndarray:
     return np.asarray(np.vstack([wrist, pose.sites]) - wrist)
 
 
-def motion(n: int = N_FRAMES, seed: int = 5) -> np.ndarray:
+def motion(n: int, seed: int = 5) -> np.ndarray:
     """Return a path of rigid poses, shape (n, 4, 4)."""
     rng = np.random.default_rng(seed)
     start, turn = rng.normal(size=3), 0.1 * rng.normal(size=3)
@@ -92,11 +92,11 @@ def write_box(
     return box
 
 
-def write_dexycb(root: Path, side: Side = Side.LEFT) -> Truth:
+def write_dexycb(root: Path, n: int = N_FRAMES, side: Side = Side.LEFT) -> Truth:
     """Write a sequence that two cameras saw; in some frames one or both do not see the hand."""
     sequence = root / "20200709-subject-01" / "20200709_141754"
     serials = ["836212060125", "839512060362"]
-    hands = motion()
+    hands = motion(n)
     points, poses = carried(hands, grasping_hand(side)), object_beside(hands)
     master_from_tag, *tag_from_cameras = motion(3, seed=9)
     extrinsics = {"apriltag": master_from_tag[:3].ravel().tolist()}
@@ -106,7 +106,7 @@ def write_dexycb(root: Path, side: Side = Side.LEFT) -> Truth:
     for serial, camera in zip(serials, tag_from_cameras, strict=True):
         (sequence / serial).mkdir(parents=True)
         camera_from_tag = np.linalg.inv(camera)
-        for frame in range(N_FRAMES):
+        for frame in range(n):
             hidden = frame in unseen[serial]
             joints = carried(camera_from_tag[None], points[frame])
             pose = (camera_from_tag @ poses[frame])[None, :3]
@@ -120,7 +120,7 @@ def write_dexycb(root: Path, side: Side = Side.LEFT) -> Truth:
             )
     meta = {
         "serials": serials,
-        "num_frames": N_FRAMES,
+        "num_frames": n,
         "extrinsics": "20200702_151821",
         "ycb_ids": [1, 14],
         "ycb_grasp_ind": 1,
@@ -147,14 +147,14 @@ def write_dexycb(root: Path, side: Side = Side.LEFT) -> Truth:
     )
 
 
-def write_ho3d(root: Path) -> Truth:
+def write_ho3d(root: Path, n: int = N_FRAMES) -> Truth:
     """Write a sequence with a gap in its numbers and a frame without annotation."""
     folder = root / "train" / "ABF10" / "meta"
     folder.mkdir(parents=True)
-    hands = motion()
+    hands = motion(n)
     points, poses = carried(hands, grasping_hand(Side.RIGHT)), object_beside(hands)
     shape = np.linspace(-1, 1, 10).astype(np.float32)
-    for frame in range(N_FRAMES):
+    for frame in range(n):
         rotation = OPENGL @ poses[frame, :3, :3]
         content = {
             "camMat": np.eye(3, dtype=np.float32),
@@ -197,14 +197,14 @@ class ManoMotion:
 
 
 def mano_motion(
-    side: Side, components: int | None, mean: bool, shape: np.ndarray, content: Mapping[str, Any]
+    n: int, side: Side, components: int | None, mean: bool, shape: np.ndarray, content: Mapping[str, Any]
 ) -> ManoMotion:
     """Return a hand that moves: pose as so many components or as rotation vectors, about the mean or not."""
     rng = np.random.default_rng(len(side))
-    pose = 0.05 * rng.normal(size=(N_FRAMES, components or 45))
+    pose = 0.05 * rng.normal(size=(n, components or 45))
     vectors = pose if components is None else pose @ content["hands_components"][:components]
     vectors = vectors + (content["hands_mean"] if mean else 0.0)
-    poses = motion(seed=2)
+    poses = motion(n, seed=2)
     orientation, place = Rotation.from_matrix(poses[:, :3, :3]).as_rotvec(), poses[:, :3, 3]
     moved = zip(vectors, orientation, place, strict=True)
     points = np.array([slow_key_points(content, *frame, shape) for frame in moved])
@@ -212,13 +212,13 @@ def mano_motion(
 
 
 def soft_content(side: Side) -> dict[str, Any]:
-    """Return a MANO model whose mean pose and components bend the fingers of a hand as a grasp does."""
-    content = mano_content(side)
+    """Return a MANO model of a hand with bent fingers, and with a mean pose that bends them little more."""
+    content = mano_content(side, grasping_hand(side))
     content["hands_mean"] = 0.1 * content["hands_mean"]
     return content
 
 
-def write_grab(root: Path) -> Truth:
+def write_grab(root: Path, n: int = N_FRAMES) -> Truth:
     """Write a sequence of both hands with contact on the object's vertices."""
     tools, params = root / "tools", {}
     points = {}
@@ -229,23 +229,23 @@ def write_grab(root: Path) -> Truth:
         template.parent.mkdir(parents=True, exist_ok=True)
         own = (1.05 * content["v_template"]).astype(np.float32)
         trimesh.Trimesh(own, content["f"][:50], process=False).export(template)
-        moved = mano_motion(side, 24, False, np.zeros(10), content | {"v_template": own})
+        moved = mano_motion(n, side, 24, False, np.zeros(10), content | {"v_template": own})
         points[side] = moved.key_points
         params[name] = {
             "params": {
                 "global_orient": moved.orientation,
                 "hand_pose": moved.pose,
                 "transl": moved.place,
-                "fullpose": np.zeros((N_FRAMES, 45)),
+                "fullpose": np.zeros((n, 45)),
             },
             "vtemp": str(template.relative_to(root)),
         }
     mesh = tools / "object_meshes" / "contact_meshes" / "mug.ply"
     box = write_box(mesh)
-    poses = object_beside(motion(seed=2))
+    poses = object_beside(motion(n, seed=2))
     # GRAB multiplies rows of vertices by the rotation, so it stores the inverse rotation's vector.
     vectors = Rotation.from_matrix(poses[:, :3, :3]).inv().as_rotvec()
-    parts = np.zeros((N_FRAMES, len(box.vertices)), dtype=np.int8)
+    parts = np.zeros((n, len(box.vertices)), dtype=np.int8)
     parts[4:, :5], parts[4:, 5], parts[2, 7] = 43, 21, 16
     folder = root / "grab" / "s1"
     folder.mkdir(parents=True)
@@ -256,7 +256,7 @@ def write_grab(root: Path) -> Truth:
         obj_name="mug",
         motion_intent="drink",
         framerate=120.0,
-        n_frames=N_FRAMES,
+        n_frames=n,
         n_comps=24,
         object=_object(
             {
@@ -264,7 +264,7 @@ def write_grab(root: Path) -> Truth:
                 "object_mesh": str(mesh.relative_to(root)),
             }
         ),
-        contact=_object({"body": np.zeros((N_FRAMES, 10), np.int8), "object": parts}),
+        contact=_object({"body": np.zeros((n, 10), np.int8), "object": parts}),
         rhand=_object(params["rhand"]),
         lhand=_object(params["lhand"]),
     )
@@ -284,26 +284,26 @@ def write_grab(root: Path) -> Truth:
     )
 
 
-def write_arctic(root: Path) -> Truth:
+def write_arctic(root: Path, n: int = N_FRAMES) -> Truth:
     """Write a sequence of both hands with a box whose lid opens; the truth is that of the lid."""
     rng = np.random.default_rng(4)
     hands, points = {}, {}
     for side in Side:
         content = soft_content(side)
         write_mano(root.parent / "mano", side, content)
-        moved = mano_motion(side, None, True, rng.normal(size=10), content)
+        moved = mano_motion(n, side, None, True, rng.normal(size=10), content)
         points[side] = moved.key_points
         hands[str(side)] = {
             "rot": moved.orientation,
             "pose": moved.pose,
             "trans": moved.place,
             "shape": moved.shape,
-            "fitting_err": np.zeros(N_FRAMES),
+            "fitting_err": np.zeros(n),
         }
     folder = root / "raw_seqs" / "s01"
     folder.mkdir(parents=True)
-    poses = object_beside(motion(seed=2))
-    angles = np.linspace(0, 0.5, N_FRAMES)
+    poses = object_beside(motion(n, seed=2))
+    angles = np.linspace(0, 0.5, n)
     states = np.column_stack(
         [angles, Rotation.from_matrix(poses[:, :3, :3]).as_rotvec(), 1000 * poses[:, :3, 3]]
     )
@@ -311,7 +311,7 @@ def write_arctic(root: Path) -> Truth:
     np.save(folder / "box_grab_01.object.npy", states)
     for part in ("top", "bottom"):
         write_box(root / "meta" / "object_vtemplates" / "box" / f"{part}.obj", scale=1000.0)
-    opened = np.tile(np.eye(4), (N_FRAMES, 1, 1))
+    opened = np.tile(np.eye(4), (n, 1, 1))
     opened[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0, 0, -1]).as_matrix()
     return Truth(
         trial="s01_box_grab_01_top",
@@ -328,18 +328,18 @@ def write_arctic(root: Path) -> Truth:
     )
 
 
-def write_oakink(root: Path) -> Truth:
+def write_oakink(root: Path, n: int = N_FRAMES) -> Truth:
     """Write a handover seen by two cameras; the truth is that of the receiver."""
     anno = root / "image" / "anno"
     for name in ("hand_j", "obj_transf", "general_info"):
         (anno / name).mkdir(parents=True)
     middle = (0.02, -0.01, 0.03)
     write_box(root / "image" / "obj" / "A01001.obj", middle=middle)
-    hands = motion()
+    hands = motion(n)
     points, poses = carried(hands, grasping_hand(Side.RIGHT)), object_beside(hands)
     centred = np.eye(4)
     centred[:3, 3] = middle
-    frames = {1: [10, 11, 12, 13, 14, 15, 16, 17], 0: [10, 11, 12]}
+    frames = {1: range(10, 10 + n), 0: range(10, 13)}
     for camera, seen in frames.items():
         for flag in (0, 1):
             for place, frame in enumerate(seen):
@@ -420,22 +420,22 @@ def slow_umetrack(
     return np.array(points)
 
 
-def write_hot3d(root: Path, mano: bool = False) -> Truth:
+def write_hot3d(root: Path, n: int = N_FRAMES, mano: bool = False) -> Truth:
     """Write a recording of Aria: two objects, doubled time stamps, a lost frame; the truth is the mug's."""
     folder = root / "P0003_c701bd11"
     folder.mkdir(parents=True)
     rng = np.random.default_rng(8)
     profile = hot3d_profile()
-    poses = object_beside(motion(seed=2))
-    points = {side: np.full((N_FRAMES, 21, 3), np.nan) for side in Side}
-    stamps = 56_752_108_188_860 + np.round(np.arange(N_FRAMES) * 1e9 / 30).astype(np.int64)
+    poses = object_beside(motion(n, seed=2))
+    points = {side: np.full((n, 21, 3), np.nan) for side in Side}
+    stamps = 56_752_108_188_860 + np.round(np.arange(n) * 1e9 / 30).astype(np.int64)
     contents = {side: soft_content(side) for side in Side}
     for side in Side:
         write_mano(root.parent / "mano", side, contents[side])
     shape = rng.normal(size=10)
     lines: list[dict[str, Any]] = []
     rows = ["object_uid,timestamp[ns],t_wo_x[m],t_wo_y[m],t_wo_z[m],q_wo_w,q_wo_x,q_wo_y,q_wo_z"]
-    hands = motion(seed=2)
+    hands = motion(n, seed=2)
     for frame, stamp in enumerate(stamps):
         if frame == 5:
             continue
@@ -491,12 +491,12 @@ def write_hot3d(root: Path, mano: bool = False) -> Truth:
     )
 
 
-def write_hot3d_mano(root: Path) -> Truth:
+def write_hot3d_mano(root: Path, n: int = N_FRAMES) -> Truth:
     """Write the same with MANO's parameters."""
-    return replace(write_hot3d(root, mano=True), trial="P0003_c701bd11_mug")
+    return replace(write_hot3d(root, n, mano=True), trial="P0003_c701bd11_mug")
 
 
-WRITERS: Mapping[str, Callable[[Path], Truth]] = {
+WRITERS: Mapping[str, Callable[..., Truth]] = {
     "dexycb": write_dexycb,
     "ho3d": write_ho3d,
     "grab": write_grab,

@@ -41,7 +41,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     name = request.param
     other = {
         "hot3d with MANO": ("hot3d", write_hot3d_mano),
-        "dexycb, right": ("dexycb", lambda root: write_dexycb(root, Side.RIGHT)),
+        "dexycb, right": ("dexycb", lambda root: write_dexycb(root, side=Side.RIGHT)),
     }
     form, writer = other.get(name) or (name, WRITERS[name])
     return write(form, tmp_path_factory.mktemp("sets") / form, writer)
