@@ -149,7 +149,9 @@ def _frames(trial: str, followed: FollowedClip, hand: FollowedHand) -> pa.Table:
 def _flags(hand: FollowedHand) -> list[list[str]]:
     extrapolated = [f"extrapolated:{name}" for name in hand.extrapolated]
     known = np.asarray(np.isfinite(hand.key_points).all(axis=(1, 2)))
-    return [extrapolated if seen else ["not_tracked"] for seen in known.tolist()]
+    seen = known if hand.fit is None else np.asarray(hand.fit.used.any(axis=1))
+    flags = {(True, True): extrapolated, (True, False): ["no_markers"]}
+    return [flags.get(frame, ["not_tracked"]) for frame in zip(known.tolist(), seen.tolist(), strict=True)]
 
 
 def _measured_rows(

@@ -17,11 +17,15 @@ from graspdb_ingest.columns import list_column, number_column, sparse_column
 from graspdb_ingest.hand import HandDimensions, build_hand
 from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.kinematics import Kinematics
-from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.hand.model import Bools, Floats
+from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, hand_from_sample
+from graspdb_ingest.tracking.calibration import Calibration
 from graspdb_ingest.tracking.fit import fit_frame
-from graspdb_ingest.tracking.frame_choice import sample_frames
+from graspdb_ingest.tracking.frame_choice import MINIMUM_FRAMES, sample_frames
+from graspdb_ingest.tracking.motion import MotionNoise
+from graspdb_ingest.tracking.posture_learning import LearnedPrior
 from graspdb_ingest.tracking.tracker import track_hand
 from graspdb_ingest.verdict import check_track
 from graspdb_schemas.manifest import MarkerPlacement
@@ -52,7 +56,7 @@ class FittedHand:
     q: Floats
     key_points: Floats
     residuals: Floats
-    used: Any
+    used: Bools
     q_sd: Floats | None = None
     sites_sd: Floats | None = None
 
@@ -148,18 +152,38 @@ def hand_from_key_points(
     Raises
     ------
     TrackingError
-        If there are too few frames to calibrate on.
+        If the frames do not show enough of the hand.
     """
     sample = sample_frames(points for points, _ in recordings)
     whole = sample[np.isfinite(sample).all(axis=(1, 2))]
     own = measured_proportions(whole, dimensions)
     places = key_point_markers(own, side)
     file = HandFile(build_hand(own, side, places), places)
+    if len(whole) < MINIMUM_FRAMES:
+        return _uncalibrated(subject, file, len(whole), parameters)
     duration = sum(
         len(points) * (STATIC_DURATION if rate is None else 1 / rate) for points, rate in recordings
     )
     moving = [(points, rate) for points, rate in recordings if rate is not None]
     return hand_from_sample(subject, file, sample, duration, moving, parameters.tracking)
+
+
+def _uncalibrated(subject: str, file: HandFile, n_frames: int, parameters: IngestParameters) -> PreparedHand:
+    """Return a hand with its own bones and the usual palm, from too few frames to calibrate it on."""
+    default, n = default_prior(file.hand), len(file.hand.markers)
+    unknown, sd = np.full(n, np.nan), np.full(n, parameters.tracking.marker_sd)
+    note = f"{n_frames} frames are too few to calibrate on: bones as they show them, the palm as usual"
+    return PreparedHand(
+        subject=subject,
+        hand=file.hand,
+        prior=default,
+        calibrated_markers=(),
+        calibration=Calibration(file.hand, unknown, unknown, sd, {}, 0, (note,)),
+        learned=LearnedPrior(default, 0, 0.0),
+        noise=MotionNoise.assumed(parameters.tracking),
+        marker_sd=np.hypot(sd, sd),
+        notes=(note,),
+    )
 
 
 def fit_hand(
