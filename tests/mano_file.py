@@ -39,7 +39,7 @@ def rest_key_points(side: Side) -> np.ndarray:
 
 
 def mano_content(side: Side, usual: np.ndarray | None = None) -> dict[str, Any]:
-    """Return the arrays of a model file, named and shaped like the published ones, about key points at rest."""
+    """Return the arrays of a model file, named and shaped as the published ones, by key points at rest."""
     rng = np.random.default_rng(7)
     points = (rest_key_points(side) if usual is None else usual)[list(USUAL_OF_MANO)]
     template = rng.normal(scale=0.02, size=(778, 3)) + points[rng.integers(0, 21, 778)]
