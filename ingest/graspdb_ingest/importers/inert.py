@@ -1,9 +1,8 @@
-"""What the names in a data set's pickle stand for: inert data, built here and nowhere else.
+"""Inert stand-ins for what a data set's pickle is made of: they keep data, check them, and run nothing.
 
-A pickle asks for functions by name and calls them. None of those is ever given to it: for each name in
-`STAND_INS` there is an object of this module that keeps the arguments, checks them, and becomes an array or
-a plain value in `thaw`. So numpy, scipy and chumpy are not called with anything that a file chose, and
-chumpy need not be installed.
+A pickle asks for functions and classes by name and calls them. None of those is ever given to it, but objects
+of this module, which become arrays and plain values in `thaw`. So numpy, scipy and chumpy are not called with
+anything that a file chose, and chumpy need not be installed.
 """
 
 import math
@@ -26,7 +25,7 @@ class RefusedError(Exception):
     """Something in a pickle that is not data, or not data of the kinds that are admitted."""
 
 
-class _Asked:
+class Asked:
     """A function that a pickle asked for by name."""
 
     __slots__ = ("_answer", "_name")
@@ -36,6 +35,7 @@ class _Asked:
         self._answer = answer
 
     def __call__(self, *args: object) -> object:
+        """Return the stand-in for what the function would have returned."""
         try:
             return self._answer(*args)
         except (TypeError, ValueError, OverflowError, UnicodeError) as error:
@@ -45,7 +45,7 @@ class _Asked:
         raise RefusedError(f"a change to {self._name}")
 
 
-class _Marker(_Asked):
+class Marker(Asked):
     """A class that other pickled names take as an argument, and that is itself not to be called."""
 
     def __init__(self, name: str) -> None:
@@ -55,7 +55,7 @@ class _Marker(_Asked):
         raise RefusedError(f"a call of {self._name}")
 
 
-class _DType:
+class DType:
     """A numpy data type: its code, then its byte order."""
 
     def __init__(self, code: object, *_flags: object) -> None:
@@ -74,11 +74,12 @@ class _DType:
 
     @property
     def value(self) -> np.dtype[np.generic]:
+        """The data type."""
         return np.dtype(self.code)
 
 
-class _Array:
-    """An array, or a numpy scalar: shape, type and raw data."""
+class InertArray:
+    """An array: shape, type and raw data."""
 
     def __init__(self) -> None:
         self.shape: tuple[int, ...] | None = None
@@ -93,9 +94,10 @@ class _Array:
         self.fill(shape, dtype, bool(fortran), data)
 
     def fill(self, shape: object, dtype: object, fortran: bool, data: object) -> None:
+        """Take shape, type and data if they fit each other."""
         if not (isinstance(shape, tuple) and len(shape) <= 16 and all(_is_length(n) for n in shape)):
             raise RefusedError("an array whose shape is not a few lengths")
-        if not isinstance(dtype, _DType):
+        if not isinstance(dtype, DType):
             raise RefusedError("an array without a numpy data type")
         # Python 2 wrote the bytes as a string.
         data = data.encode("latin-1") if isinstance(data, str) else data
@@ -107,7 +109,8 @@ class _Array:
             raise RefusedError(f"an array of shape {shape} that does not fit its data")
         self.shape, self.dtype, self.fortran, self.data = shape, dtype.value, fortran, data
 
-    def thaw(self, thawed: "_Thawing") -> object:
+    def thaw(self, thawed: "Thawing") -> object:
+        """Return the array."""
         if self.shape is None:
             raise RefusedError("an array without data")
         order: Literal["F", "C"] = "F" if self.fortran else "C"
@@ -120,15 +123,16 @@ class _Array:
         return array.copy(order=order)
 
 
-class _Scalar(_Array):
+class InertScalar(InertArray):
     """A numpy scalar."""
 
-    def thaw(self, thawed: "_Thawing") -> object:
+    def thaw(self, thawed: "Thawing") -> object:
+        """Return the scalar."""
         value = super().thaw(thawed)
         return value[()] if isinstance(value, np.ndarray) else value
 
 
-class _Node:
+class Node:
     """An object with attributes, as chumpy and scipy write theirs."""
 
     state: Mapping[object, object]
@@ -138,24 +142,27 @@ class _Node:
             raise RefusedError("an object whose state is not its attributes")
         self.state = state
 
-    def attribute(self, thawed: "_Thawing", *names: str) -> object:
+    def attribute(self, thawed: "Thawing", *names: str) -> object:
+        """Return the first attribute of these names that there is."""
         for name in names:
             if name in getattr(self, "state", {}):
                 return thawed.value(self.state[name])
-        raise RefusedError(f"{type(self).__name__.strip('_')} without {' or '.join(names)}")
+        raise RefusedError(f"{type(self).__name__} without {' or '.join(names)}")
 
 
-class _Ch(_Node):
+class Ch(Node):
     """A chumpy array of numbers."""
 
-    def thaw(self, thawed: "_Thawing") -> object:
+    def thaw(self, thawed: "Thawing") -> object:
+        """Return the array."""
         return _numbers(self.attribute(thawed, "x"))
 
 
-class _Select(_Node):
+class Select(Node):
     """Some numbers of a chumpy array, in a shape of their own."""
 
-    def thaw(self, thawed: "_Thawing") -> object:
+    def thaw(self, thawed: "Thawing") -> object:
+        """Return the selection."""
         source = _numbers(self.attribute(thawed, "a")).ravel()
         chosen = _numbers(self.attribute(thawed, "idxs"), "iu").ravel()
         if len(chosen) and not 0 <= chosen.min() <= chosen.max() < len(source):
@@ -171,12 +178,13 @@ class _Select(_Node):
         return selected.reshape([int(n) for n in shape])
 
 
-class _Compressed(_Node):
-    """A sparse matrix by columns or by rows."""
+class CompressedColumns(Node):
+    """A sparse matrix by columns."""
 
     by_columns = True
 
-    def thaw(self, thawed: "_Thawing") -> object:
+    def thaw(self, thawed: "Thawing") -> object:
+        """Return the matrix with its zeros."""
         from scipy.sparse import csc_array, csr_array
 
         shape = self.attribute(thawed, "_shape", "shape")
@@ -195,14 +203,14 @@ class _Compressed(_Node):
         return np.asarray(matrix.toarray())
 
 
-class _CompressedRows(_Compressed):
+class CompressedRows(CompressedColumns):
     """A sparse matrix by rows."""
 
     by_columns = False
 
 
 @dataclass
-class _Thawing:
+class Thawing:
     """One pass over what was unpickled.
 
     An object that is met twice is thawed once, so sharing costs nothing; one that holds itself is refused.
@@ -212,6 +220,7 @@ class _Thawing:
     open: set[int]
 
     def value(self, frozen: object) -> object:
+        """Return what an unpickled object stands for."""
         if frozen is None or type(frozen) in (bool, int, float, complex, str, bytes):
             return frozen
         key = id(frozen)
@@ -227,7 +236,7 @@ class _Thawing:
         return self.done[key]
 
     def _of(self, frozen: object) -> object:
-        if isinstance(frozen, _Array | _Ch | _Select | _Compressed):
+        if isinstance(frozen, InertArray | Ch | Select | CompressedColumns):
             return frozen.thaw(self)
         if type(frozen) is dict:
             return {self._key(key): self.value(value) for key, value in frozen.items()}
@@ -259,7 +268,7 @@ def thaw(frozen: object) -> object:
         If there is anything in it but numbers, text, bytes, dicts, lists, tuples and arrays, if an array
         does not fit its data, or if something holds itself or is nested too deep.
     """
-    return _Thawing({}, set()).value(frozen)
+    return Thawing({}, set()).value(frozen)
 
 
 def _is_length(value: object) -> bool:
@@ -270,84 +279,3 @@ def _numbers(value: object, kinds: str = "biuf") -> NDArray[Any]:
     if not (isinstance(value, np.ndarray) and value.dtype.kind in kinds):
         raise RefusedError("an object in place of an array of numbers")
     return value
-
-
-def _reconstruct(kind: object, _shape: object, _code: object) -> _Array:
-    # The shape here is a formality, (0,); the array's own comes with its data.
-    if kind is not _NDARRAY:
-        raise RefusedError("an array of a class of its own")
-    return _Array()
-
-
-def _from_buffer(buffer: object, dtype: object, shape: object, order: object) -> _Array:
-    array = _Array()
-    array.fill(shape, dtype, order == "F", buffer)
-    return array
-
-
-def _scalar(dtype: object, data: object) -> _Scalar:
-    scalar = _Scalar()
-    scalar.fill((), dtype, False, data)
-    return scalar
-
-
-def _encode(text: object, encoding: object) -> bytes:
-    if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
-        raise RefusedError("bytes in an encoding of their own")
-    return text.encode("latin-1")
-
-
-def _no_bytes() -> bytes:
-    return b""
-
-
-def _new(kind: object, base: object, _state: object) -> object:
-    if not (isinstance(kind, type) and issubclass(kind, _Node)) or base is not _OBJECT:
-        raise RefusedError("an object of a class that is not admitted")
-    return kind()
-
-
-def _items(items: object = ()) -> list[object]:
-    if not isinstance(items, list | tuple):
-        raise RefusedError("a set that is not made of a list")
-    return list(items)
-
-
-def _pairs(items: object = ()) -> dict[object, object]:
-    pairs = [tuple(pair) for pair in _items(items) if isinstance(pair, list | tuple)]
-    return {key: value for key, value in pairs if isinstance(key, str | int)}
-
-
-_NDARRAY: Final = _Marker("numpy.ndarray")
-_OBJECT: Final = _Marker("object")
-
-_NUMPY_ROOMS: Final = ("numpy.core", "numpy._core")
-_BUILTINS: Final = ("__builtin__", "builtins")
-
-STAND_INS: Final[Mapping[tuple[str, str], object]] = {
-    ("numpy", "ndarray"): _NDARRAY,
-    ("numpy", "dtype"): _Asked("numpy.dtype", _DType),
-    **{
-        (f"{room}.{module}", name): _Asked(f"numpy {name}", answer)
-        for room in _NUMPY_ROOMS
-        for module, name, answer in (
-            ("multiarray", "_reconstruct", _reconstruct),
-            ("multiarray", "scalar", _scalar),
-            ("numeric", "_frombuffer", _from_buffer),
-        )
-    },
-    **{(module, "object"): _OBJECT for module in _BUILTINS},
-    **{(module, "set"): _Asked("set", _items) for module in _BUILTINS},
-    **{(module, "bytes"): _Asked("bytes", _no_bytes) for module in _BUILTINS},
-    **{(module, "_reconstructor"): _Asked("_reconstructor", _new) for module in ("copy_reg", "copyreg")},
-    ("_codecs", "encode"): _Asked("encode", _encode),
-    ("collections", "OrderedDict"): _Asked("OrderedDict", _pairs),
-    ("chumpy.ch", "Ch"): _Ch,
-    ("chumpy.reordering", "Select"): _Select,
-    **{
-        (f"scipy.sparse.{hidden}{short}", f"{short}_matrix"): kind
-        for hidden in ("", "_")
-        for short, kind in (("csc", _Compressed), ("csr", _CompressedRows))
-    },
-}
-"""What is given to a pickle for each name that it may ask for; every other name is refused."""

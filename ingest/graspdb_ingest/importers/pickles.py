@@ -2,7 +2,7 @@
 
 A pickle is a small program, and running a stranger's is running a stranger's code. Here its instructions are
 looked through first: those that call for outside objects or extensions are refused, and their number is
-bounded. Names are answered by `inert.STAND_INS` alone.
+bounded. Names are answered by `STAND_INS` alone.
 """
 
 import io
@@ -11,10 +11,11 @@ import pickletools
 from pathlib import Path
 from typing import Final
 
-from graspdb_ingest.importers.inert import STAND_INS, RefusedError, thaw
+from graspdb_ingest.importers.inert import RefusedError, thaw
+from graspdb_ingest.importers.stand_ins import STAND_INS
 from graspdb_schemas.errors import ImportSourceError, UnsafeFileError
 
-MAX_INSTRUCTIONS: Final = 2_000_000
+MAX_INSTRUCTIONS: Final = 200_000
 """Instructions of a pickle; a file of a data set has some hundreds."""
 
 MAX_TUPLES: Final = 10_000
