@@ -248,7 +248,7 @@ def _measured(file: Path) -> MeasuredContact:
     """
     try:
         if file.suffix == ".npz":
-            with np.load(file, allow_pickle=False) as arrays:
+            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
                 positions, contact = arrays["vertices_m"], arrays["contact01"]
         else:
             mesh: Any = trimesh.load(file, process=False)

@@ -27,7 +27,7 @@ from graspdb_schemas.units import METRES_PER, metres_per
 from graspdb_schemas.vocabulary import Side
 
 ENDINGS: Final = (".npz", ".csv", ".parquet")
-POSTURES_PER_CLIP: Final = 500
+POSTURES_PER_CLIP: Final = 100
 """Static postures are cut into clips of so many, so that none needs much memory."""
 
 FORMAT: Final = Format(
@@ -127,7 +127,7 @@ def _files(path: Path) -> list[Path]:
 def _has_key_points(file: Path) -> bool:
     if file.suffix.lower() == ".npz":
         try:
-            with np.load(file, allow_pickle=False) as arrays:
+            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
                 return any(ARRAY.fullmatch(name) for name in arrays.files)
         except Exception:
             return False

@@ -36,7 +36,7 @@ def read_arrays(path: Path) -> Iterator[Postures]:
 
 def _arrays(path: Path) -> dict[str, Any]:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (ValueError, OSError, EOFError, BadZipFile, zlib.error) as error:
         found = f"it cannot be read as arrays ({error})"
