@@ -167,3 +167,7 @@ class ImportSourceError(GraspDBError):
         self.found = found
         self.remedy = remedy
         super().__init__(f"{path}: {found}. {remedy}")
+
+
+class UnsafeFileError(ImportSourceError):
+    """A file of a data set holds something that data do not need, and that could do harm."""

@@ -187,12 +187,12 @@ class MeasuredContact:
     positions : ndarray, shape (n, 3)
         Points of the surface, object frame [m].
     contact : ndarray, shape (n,) or (n_frames, n)
-        Contact at each of them, 0 (none) to 1; once for the clip, or in each frame.
+        Contact at each of them, 0 (none) to 1, or whether there is; once for the clip, or in each frame.
     """
 
     kind: str
     positions: Floats
-    contact: Floats
+    contact: Floats | NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,16 +5,34 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from graspdb_ingest.importers import bvh, contactpose, keypoints
+from graspdb_ingest.importers import (
+    arctic,
+    bvh,
+    contactpose,
+    dexycb,
+    grab,
+    ho3d,
+    hot3d,
+    keypoints,
+    oakink,
+)
 from graspdb_ingest.importers.base import Importer
 from graspdb_schemas.errors import ImportSourceError, ParameterError, nearest
 
-IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType(
-    {
-        entry.format.name: entry
-        for entry in (keypoints.IMPORTER, bvh.IMPORTER, contactpose.IMPORTER, bvh.MANIPNET_IMPORTER)
-    }
+_TABLE: Final = (
+    keypoints.IMPORTER,
+    bvh.IMPORTER,
+    contactpose.IMPORTER,
+    bvh.MANIPNET_IMPORTER,
+    dexycb.IMPORTER,
+    ho3d.IMPORTER,
+    grab.IMPORTER,
+    arctic.IMPORTER,
+    oakink.IMPORTER,
+    hot3d.IMPORTER,
 )
+
+IMPORTERS: Final[Mapping[str, Importer]] = MappingProxyType({entry.format.name: entry for entry in _TABLE})
 """Every importer by the name of its format; general formats first."""
 
 
