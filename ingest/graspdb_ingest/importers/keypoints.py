@@ -90,6 +90,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
         rate=postures.rate or options.rate,
         identifier=f"{file.name}:{postures.name}[{part['start']}:{part['stop']}]",
         poses=poses,
+        up=postures.up,
         task=postures.task,
         attributes={"identifiers": list(identifiers)} if identifiers else {},
     )
@@ -152,7 +153,8 @@ def _clips(
         thing = ObjectSource(postures.object, mesh)
     moving = postures.rate or options.rate
     length = postures.n_frames if moving else POSTURES_PER_CLIP
-    name = clip_name(file.stem if several or not postures.name else "", postures.name)
+    named = postures.name and (not several or postures.name == file.stem)
+    name = clip_name("" if named else file.stem, postures.name)
     starts = range(0, postures.n_frames, length)
     for start in starts:
         yield ClipSource(

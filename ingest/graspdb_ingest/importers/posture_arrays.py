@@ -19,7 +19,9 @@ ARRAY: Final = re.compile(
 )
 """Names of NPZ arrays of key points: ``key_points``, ``left_joints_mm``, ``mug.keypoints_m`` ..."""
 
-ABOUT: Final = ("subject", "side", "task", "units", "order", "rate", "object", "identifiers", "poses")
+TEXTS: Final = ("subject", "side", "task", "units", "order", "object")
+ARRAYS: Final = ("identifiers", "poses", "up")
+ABOUT: Final = (*TEXTS, *ARRAYS, "rate")
 """Names of the arrays that say more, of all key points in the file, or behind an object's name, of its."""
 
 
@@ -88,17 +90,18 @@ def _posture(
     if identifiers is not None and len(np.atleast_1d(identifiers)) != n_frames:
         found = f"{len(np.atleast_1d(identifiers))} identifiers for {n_frames} frames"
         raise ImportSourceError(path, found, "Give one a frame.")
-    said = {key: None if about[key] is None else str(about[key]) for key in ABOUT}
+    said = {key: None if about[key] is None else str(about[key]) for key in TEXTS}
     return Postures(
         key_points=key_points,
         poses=None if poses is None else np.asarray(poses, dtype=np.float64),
         name=thing or "",
-        object=thing or (None if about["object"] is None else str(about["object"])),
+        object=thing or said["object"],
         subject=said["subject"],
         task=said["task"],
         units=unit or said["units"],
         order=said["order"],
         rate=None if about["rate"] is None else float(about["rate"]),
+        up=None if about["up"] is None else _up(path, about["up"]),
         identifiers=() if identifiers is None else tuple(str(i) for i in np.atleast_1d(identifiers)),
     )
 
@@ -114,11 +117,19 @@ def _key_points(path: Path, name: str, values: Any) -> Floats:
 def _said(path: Path, arrays: Mapping[str, Any], thing: str | None, key: str) -> Any:
     """Return what the file says of an object's key points, or else of all; a scalar unless it is a list."""
     value = arrays.get(f"{thing}.{key}", arrays.get(key))
-    if value is None or key in ("identifiers", "poses"):
+    if value is None or key in ARRAYS:
         return value
     if value.size != 1:
         raise ImportSourceError(path, f"array {key} of shape {value.shape}", "Give one value.")
     return value.item()
+
+
+def _up(path: Path, value: Any) -> tuple[float, float, float]:
+    length = float(np.linalg.norm(value)) if value.dtype.kind in "fiu" else 0.0
+    if value.shape != (3,) or not (np.isfinite(length) and length > 0):
+        raise ImportSourceError(path, f"up of shape {value.shape}", "Give a direction (3,), against gravity.")
+    x, y, z = (float(part) / length for part in value)
+    return x, y, z
 
 
 def _side(path: Path, said: str) -> Side:

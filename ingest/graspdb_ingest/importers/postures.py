@@ -21,6 +21,8 @@ class Postures:
         What the file says.
     rate : float or None
         Frames per second [Hz].
+    up : tuple of float or None
+        Unit vector against gravity.
     identifiers : tuple of str
         What the data set calls each frame; empty if it does not.
     """
@@ -34,6 +36,7 @@ class Postures:
     units: str | None = None
     order: str | None = None
     rate: float | None = None
+    up: tuple[float, float, float] | None = None
     identifiers: tuple[str, ...] = ()
 
     @property
