@@ -11,16 +11,15 @@ has them, are read, too; contact then is an NPZ file ``*_contact*.npz`` with ``v
 
 import json
 import re
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 import trimesh
 
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.importers.archives import read_npz
 from graspdb_ingest.importers.base import (
     Clip,
     ClipHand,
@@ -248,15 +247,15 @@ def _measured(file: Path) -> MeasuredContact:
     """
     try:
         if file.suffix == ".npz":
-            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-                positions, contact = arrays["vertices_m"], arrays["contact01"]
+            arrays: Any = read_npz(file)
+            positions, contact = arrays["vertices_m"], arrays["contact01"]
         else:
             mesh: Any = trimesh.load(file, process=False)
             positions, contact = mesh.vertices, mesh.visual.vertex_colors[:, 0] / 255.0
         measured = MeasuredContact(
             "thermal", np.asarray(positions, dtype=np.float64), np.asarray(contact, dtype=np.float64)
         )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ImportSourceError(file, f"not a contact map ({error})", "Download it again.") from error
     if measured.positions.shape != (len(measured.contact), 3):
         found = f"{len(measured.contact)} values for positions of shape {measured.positions.shape}"

@@ -1,15 +1,14 @@
 """Arrays of key points: NPZ files, told by the names of their arrays."""
 
 import re
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.importers.archives import read_npz
 from graspdb_ingest.importers.postures import Postures
 from graspdb_schemas.errors import ImportSourceError
 from graspdb_schemas.vocabulary import KEY_POINTS, Side
@@ -37,14 +36,12 @@ def read_arrays(path: Path) -> Iterator[Postures]:
 
 
 def _arrays(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (ValueError, OSError, EOFError, BadZipFile, zlib.error) as error:
-        found = f"it cannot be read as arrays ({error})"
-        raise ImportSourceError(
-            path, found, "Copy or download it again; arrays of objects are not read."
-        ) from error
+    arrays = read_npz(path)
+    for name, array in arrays.items():
+        if not isinstance(array, np.ndarray) or array.dtype.hasobject:
+            remedy = "Write arrays of numbers or text; arrays of objects are not read."
+            raise ImportSourceError(path, f"{name} is an array of objects", remedy)
+    return arrays
 
 
 def _from_arrays(path: Path, arrays: Mapping[str, Any]) -> Iterator[Postures]:
