@@ -148,9 +148,9 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     cameras, tag = _cameras(extrinsics)
     n_frames = int(entry(content, "num_frames", meta))
     grasped = int(entry(content, "ycb_grasp_ind", meta))
+    by_camera = _labels(source, n_frames)
     points = np.full((n_frames, 21, 3), np.nan)
     poses = np.full((n_frames, 4, 4), np.nan)
-    by_camera = _labels(source, n_frames)
     for serial in map(str, entry(content, "serials", meta)):
         for frame, file in by_camera.get(serial, {}).items():
             if np.isnan(points[frame, 0, 0]) or np.isnan(poses[frame, 0, 0]):

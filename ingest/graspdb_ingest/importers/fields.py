@@ -1,7 +1,7 @@
 """What a data set's files hold, with names, shapes and kinds checked, and looks into folders."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +17,9 @@ from graspdb_schemas.errors import ImportSourceError, ParameterError
 from graspdb_schemas.units import METRES_PER, metres_per
 
 AGAIN: Final = "Download it again; the download may have been cut off."
+MOST_MISSING: Final = 100
+"""Frames that may be missing for each that is there."""
+
 Shape = tuple[int | None, ...]
 
 
@@ -170,6 +173,21 @@ def mesh_of(source: ClipSource) -> Path:
     if source.object is None:
         raise ImportSourceError(source.files[0], "its clip has no object", AGAIN)
     return source.object.file
+
+
+def n_frames_of(frames: Sequence[int], path: Path) -> int:
+    """Return how many frames a clip has by the ascending numbers of those that are there.
+
+    Raises
+    ------
+    ImportSourceError
+        If far more are missing than there are, as where a file has been given a name of its own.
+    """
+    n_frames = frames[-1] - frames[0] + 1
+    if n_frames > MOST_MISSING * len(frames):
+        found = f"its {len(frames)} frames are numbered {frames[0]} to {frames[-1]}"
+        raise ImportSourceError(path, found, "Remove the files that do not belong to the sequence.")
+    return n_frames
 
 
 def metres_in(options: ImportOptions) -> float:

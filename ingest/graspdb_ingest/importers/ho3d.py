@@ -37,6 +37,7 @@ from graspdb_ingest.importers.fields import (
     find_ycb_mesh,
     matches,
     metres_in,
+    n_frames_of,
     numbers,
     rigid,
     rotations_of,
@@ -105,7 +106,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
         If a file is cut off, of another layout, or of the evaluation split.
     """
     first = int(source.files[0].stem)
-    n_frames = int(source.files[-1].stem) - first + 1
+    n_frames = n_frames_of([int(file.stem) for file in source.files], source.files[0].parent)
     scale = metres_in(options)
     points = np.full((n_frames, 21, 3), np.nan)
     vectors, positions = np.zeros((n_frames, 3)), np.full((n_frames, 3), np.nan)

@@ -37,7 +37,16 @@ from graspdb_ingest.importers.base import (
     ObjectSource,
     clip_name,
 )
-from graspdb_ingest.importers.fields import AGAIN, matches, numbers, read_json, read_json_lines, rigid, word
+from graspdb_ingest.importers.fields import (
+    AGAIN,
+    MOST_MISSING,
+    matches,
+    numbers,
+    read_json,
+    read_json_lines,
+    rigid,
+    word,
+)
 from graspdb_ingest.importers.mano import N_SHAPE, find_mano, mend_left_shape, read_mano
 from graspdb_ingest.importers.meshes import find_mesh
 from graspdb_ingest.importers.order import in_usual_order
@@ -197,7 +206,7 @@ def _grid(stamps: Sequence[int], rate: float | None, path: Path) -> Floats:
         return kept.astype(np.float64)
     period = 1e9 / rate if rate else float(np.median(np.diff(kept)))
     n_frames = round(float(kept[-1] - kept[0]) / period) + 1
-    if n_frames > 100 * len(kept):
+    if n_frames > MOST_MISSING * len(kept):
         raise ImportSourceError(
             path, f"its {len(kept)} time stamps span {n_frames} frames", "Check their unit, ns."
         )

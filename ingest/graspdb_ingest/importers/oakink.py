@@ -35,7 +35,7 @@ from graspdb_ingest.importers.base import (
     ObjectSource,
     clip_name,
 )
-from graspdb_ingest.importers.fields import AGAIN, matches, mesh_of, metres_in, numbers
+from graspdb_ingest.importers.fields import AGAIN, matches, mesh_of, metres_in, n_frames_of, numbers
 from graspdb_ingest.importers.meshes import find_mesh
 from graspdb_ingest.importers.order import in_usual_order
 from graspdb_ingest.objects.files import read_geometry
@@ -49,7 +49,7 @@ FORMAT: Final = Format(
     name="oakink",
     title="OakInk-Image",
     version="annotations 2.1",
-    licence="CC BY-NC 4.0, academic use",
+    licence="that of the data set, see www.oakink.net (its toolkit is MIT)",
     needs=(
         "image/anno/hand_j/*.pkl and image/anno/obj_transf/*.pkl",
         "image/obj/<object>.obj or .ply, or --objects",
@@ -57,7 +57,7 @@ FORMAT: Final = Format(
     documentation="https://github.com/oakink/OakInk/blob/main/docs/datasets.md",
 )
 _SAMPLE: Final = re.compile(
-    r"(?P<object>[A-Za-z0-9]+)_(?P<intent>\d{4})_(?P<subjects>\d{4}(?:_\d{4})?)"
+    r"(?P<object>[A-Za-z0-9]+)__?(?P<intent>\d{4})__?(?P<subjects>\d{4}(?:__?\d{4})?)"
     r"__(?P<time>[0-9-]+)__(?P<hand>\d)__(?P<frame>\d+)__(?P<camera>\d+)\.pkl"
 )
 
@@ -80,7 +80,8 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
     for file in sorted((image / "anno" / "hand_j").glob("*.pkl")):
         match = _SAMPLE.fullmatch(file.name)
         if match:
-            key = match["object"], match["intent"], match["subjects"], match["time"], match["hand"]
+            people = match["subjects"].replace("__", "_")
+            key = match["object"], match["intent"], people, match["time"], match["hand"]
             hands.setdefault(key, []).append((int(match["camera"]), int(match["frame"]), file))
     if not hands:
         raise ImportSourceError(
@@ -115,7 +116,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     """
     half = len(source.files) // 2
     frames = [_frame(file) for file in source.files[:half]]
-    n_frames = frames[-1] - frames[0] + 1
+    n_frames = n_frames_of(frames, source.files[0])
     scale = metres_in(options)
     points = np.full((n_frames, 21, 3), np.nan)
     poses = np.full((n_frames, 4, 4), np.nan)

@@ -234,6 +234,26 @@ def test_grab_names_no_file_outside_of_itself(sets: Path) -> None:
         list(IMPORTERS["grab"].find(sets / "grab", ImportOptions(mano=sets / "mano")))
 
 
+def test_a_file_numbered_far_off_reserves_nothing(sets: Path) -> None:
+    first = sets / "ho3d/train/ABF10/meta/0040.pkl"
+    first.rename(first.with_name("9999999999.pkl"))
+    with pytest.raises(ImportSourceError, match="frames are numbered 41 to 9999999999"):
+        read("ho3d", sets / "ho3d", "ABF10")
+    meta = next((sets / "dexycb").glob("*/*/meta.yml"))
+    meta.write_text(meta.read_text().replace("num_frames: 8", "num_frames: 1000000000000"))
+    with pytest.raises(ImportSourceError, match="8 of 1000000000000 label files"):
+        read("dexycb", sets / "dexycb", "20200709-subject-01_20200709_141754")
+
+
+def test_oakinks_earlier_file_names_are_known(written: tuple[Path, dict[str, Truth]], sets: Path) -> None:
+    for file in (sets / "oakink/image/anno").glob("*/*.pkl"):
+        file.rename(file.with_name(file.name.replace("A01001_0004_0003_0007", "A01001__0004__0003__0007")))
+    truth = written[1]["oakink"]
+    clip = read("oakink", sets / "oakink", truth.trial)
+    np.testing.assert_allclose(clip.hands[0].key_points, truth.key_points[Side.RIGHT], atol=1e-6)
+    assert clip.identifier == truth.identifier
+
+
 def test_frames_that_do_not_go_together_are_counted(sets: Path) -> None:
     file = sets / "arctic/raw_seqs/s01/box_grab_01.object.npy"
     np.save(file, np.load(file)[:5])
@@ -241,12 +261,24 @@ def test_frames_that_do_not_go_together_are_counted(sets: Path) -> None:
         read("arctic", sets / "arctic", "s01_box_grab_01_top")
 
 
-def test_a_table_without_a_column_and_time_stamps_in_another_unit_are_named(sets: Path) -> None:
+def test_a_table_without_a_column_and_a_time_far_off_are_named(sets: Path) -> None:
     table = sets / "hot3d/P0003_c701bd11/dynamic_objects.csv"
     whole = table.read_text()
     table.write_text(whole.replace("t_wo_x[m]", "t_wo_x[mm]"))
     with pytest.raises(ImportSourceError, match=r"no column 't_wo_x\[m\]'"):
         read("hot3d", sets / "hot3d", "P0003_c701bd11_mug")
+    table.write_text(whole + "265826671143948,5,0,0,0,1,0,0,0\n")
+    with pytest.raises(ImportSourceError, match=r"8 time stamps span 17025\d\d frames"):
+        read("hot3d", sets / "hot3d", "P0003_c701bd11_mug")
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_a_path_that_is_no_folder_is_named(form: str, tmp_path: Path) -> None:
+    (tmp_path / "data.zip").write_bytes(b"PK")
+    for path in (tmp_path / "data.zip", tmp_path / "nowhere", tmp_path):
+        assert not IMPORTERS[form].recognises(path)
+        with pytest.raises(ImportSourceError, match=str(path)):
+            list(IMPORTERS[form].find(path, ImportOptions()))
 
 
 def test_manos_hot3d_is_complete_without_umetracks(tmp_path: Path) -> None:
