@@ -78,13 +78,14 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
         folder
         for pattern in ("meta", "*/meta", "train/*/meta")
         for folder in sorted(path.glob(pattern))
-        if matches(folder, "[0-9]*.pkl")
+        if any(file.stem.isdecimal() for file in folder.glob("[0-9]*.pkl"))
     ]
     if not folders:
         raise ImportSourceError(path, "no sequence of HO-3D is in it", "Give the folder that holds train/.")
     for folder in folders:
         sequence = folder.parent
-        files = tuple(sorted(folder.glob("[0-9]*.pkl"), key=lambda file: int(file.stem)))
+        numbered = [file for file in folder.glob("[0-9]*.pkl") if file.stem.isdecimal()]
+        files = tuple(sorted(numbered, key=lambda file: int(file.stem)))
         first = _first(files)
         name = word(first, "objName", files[0])
         root = sequence.parent.parent if sequence.parent.name in ("train", "evaluation") else sequence.parent
