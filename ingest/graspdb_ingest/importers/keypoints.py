@@ -59,7 +59,7 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
         raise ImportSourceError(path, there if path.exists() else "there is no such path", "Check the path.")
     for file in files:
         for number, postures in enumerate(read_postures(file)):
-            yield from _clips(file, number, postures, options, several=len(files) > 1)
+            yield from _clips(file, number, postures, options)
 
 
 def read(source: ClipSource, options: ImportOptions) -> Clip:
@@ -143,9 +143,7 @@ def _head(file: Path) -> bytes:
         return stream.readline(1 << 16)
 
 
-def _clips(
-    file: Path, number: int, postures: Postures, options: ImportOptions, several: bool
-) -> Iterator[ClipSource]:
+def _clips(file: Path, number: int, postures: Postures, options: ImportOptions) -> Iterator[ClipSource]:
     """Yield a moving clip whole, and static postures in parts."""
     thing = None
     if postures.object is not None:
@@ -153,8 +151,8 @@ def _clips(
         thing = ObjectSource(postures.object, mesh)
     moving = postures.rate or options.rate
     length = postures.n_frames if moving else POSTURES_PER_CLIP
-    named = postures.name and (not several or postures.name == file.stem)
-    name = clip_name("" if named else file.stem, postures.name)
+    # With the file's name, so that two files of one object do not take each other's place.
+    name = clip_name(file.stem, "" if postures.name == file.stem else postures.name)
     starts = range(0, postures.n_frames, length)
     for start in starts:
         yield ClipSource(
