@@ -55,7 +55,7 @@ FORMAT: Final = Format(
     name="ho3d",
     title="HO-3D",
     version="2 and 3",
-    licence="academic research only, no redistribution, see the data set's terms",
+    licence="NC: non-commercial academic research only, no redistribution, see the data set's terms",
     needs=("train/<sequence>/meta/*.pkl", "models/<object>/textured_simple.obj, or --objects"),
     documentation="https://github.com/shreyashampali/ho3d",
 )
