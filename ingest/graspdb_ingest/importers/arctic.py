@@ -49,7 +49,7 @@ FORMAT: Final = Format(
     name="arctic",
     title="ARCTIC",
     version="2023",
-    licence="non-commercial scientific research only, see the data set's licence",
+    licence="NC: non-commercial scientific research only, see the data set's licence",
     needs=(
         "raw_seqs/<subject>/<sequence>.mano.npy and .object.npy",
         "meta/object_vtemplates/<object>/top.obj and bottom.obj, or --objects",

@@ -43,6 +43,8 @@ from graspdb_ingest.importers.fields import (
     metres_in,
     numbers,
     read_yaml,
+    whole,
+    word,
 )
 from graspdb_ingest.rigid import Array, transform_points
 from graspdb_schemas.errors import ImportSourceError
@@ -111,20 +113,17 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
         meta for pattern in ("meta.yml", "*/meta.yml", "*/*/meta.yml") for meta in sorted(path.glob(pattern))
     ]
     if not metas:
-        raise ImportSourceError(
-            path, "no sequence of DexYCB is in it", "Give the folder that holds calibration/."
-        )
+        found = "no sequence of DexYCB is in it"
+        raise ImportSourceError(path, found, "Give the folder that holds calibration/.")
     for meta in metas:
         root = meta.parent.parent.parent
         content = read_yaml(meta)
         name = _object(content, meta)
-        extrinsics = (
-            root / "calibration" / f"extrinsics_{entry(content, 'extrinsics', meta)}" / "extrinsics.yml"
-        )
+        folder = f"extrinsics_{word(content, 'extrinsics', meta)}"
+        extrinsics = root / "calibration" / folder / "extrinsics.yml"
         if not extrinsics.is_file():
-            raise ImportSourceError(
-                extrinsics, f"it is missing, for {meta}", "Get the data set's calibration folder."
-            )
+            found = f"it is missing, for {meta}"
+            raise ImportSourceError(extrinsics, found, "Get the data set's calibration folder.")
         labels = sorted(meta.parent.glob("*/labels_*.npz"))
         sequence = meta.parent
         yield ClipSource(
@@ -146,12 +145,12 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     meta, extrinsics = source.files[:2]
     content = read_yaml(meta)
     cameras, tag = _cameras(extrinsics)
-    n_frames = int(entry(content, "num_frames", meta))
-    grasped = int(entry(content, "ycb_grasp_ind", meta))
+    n_frames = whole(content, "num_frames", meta)
+    grasped = whole(content, "ycb_grasp_ind", meta)
     by_camera = _labels(source, n_frames)
     points = np.full((n_frames, 21, 3), np.nan)
     poses = np.full((n_frames, 4, 4), np.nan)
-    for serial in map(str, entry(content, "serials", meta)):
+    for serial in _serials(content, meta):
         for frame, file in by_camera.get(serial, {}).items():
             if np.isnan(points[frame, 0, 0]) or np.isnan(poses[frame, 0, 0]):
                 if serial not in cameras:
@@ -165,7 +164,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
         poses=poses,
         up=(0.0, 0.0, 1.0) if tag else None,
         task="pick up",
-        attributes={"ycb_ids": [int(i) for i in entry(content, "ycb_ids", meta)]},
+        attributes={"ycb_ids": entry(content, "ycb_ids", meta)},
     )
 
 
@@ -174,12 +173,19 @@ IMPORTER: Final = Importer(FORMAT, recognises, find, read)
 
 def _object(content: object, meta: Path) -> str:
     """Return the name of the object that is grasped."""
-    ids, grasped = entry(content, "ycb_ids", meta), entry(content, "ycb_grasp_ind", meta)
+    ids, grasped = entry(content, "ycb_ids", meta), whole(content, "ycb_grasp_ind", meta)
     try:
         return OBJECTS[ids[grasped]]
     except (KeyError, IndexError, TypeError) as error:
         found = f"ycb_ids {ids} with ycb_grasp_ind {grasped} name no object"
         raise ImportSourceError(meta, found, f"There are objects 1 to {len(OBJECTS)}. {AGAIN}") from error
+
+
+def _serials(content: object, meta: Path) -> list[str]:
+    serials = entry(content, "serials", meta)
+    if not isinstance(serials, list):
+        raise ImportSourceError(meta, f"serials is {serials!r:.60}, not a list of cameras", AGAIN)
+    return [str(serial) for serial in serials]
 
 
 def _side(content: object, meta: Path) -> Side:
@@ -196,7 +202,10 @@ def _cameras(path: Path) -> tuple[dict[str, Array], bool]:
         raise ImportSourceError(path, "extrinsics are no cameras", AGAIN)
     poses = {str(name): np.eye(4) for name in content}
     for name in content:
-        poses[str(name)][:3] = numbers({"camera": content[name]}, "camera", (12,), path).reshape(3, 4)
+        pose = numbers({str(name): content[name]}, str(name), (12,), path).reshape(3, 4)
+        if not np.allclose(pose[:, :3] @ pose[:, :3].T, np.eye(3), atol=1e-3):
+            raise ImportSourceError(path, f"the rotation of {name} is none", AGAIN)
+        poses[str(name)][:3] = pose
     tag = poses.pop("apriltag", None)
     if tag is None:
         return poses, False

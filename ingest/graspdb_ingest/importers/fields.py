@@ -7,16 +7,21 @@ from typing import Any, Final
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.importers.archives import read_bytes
 from graspdb_ingest.importers.base import ClipSource, ImportOptions
 from graspdb_ingest.importers.meshes import find_mesh
+from graspdb_ingest.rigid import rotations_from_quaternions
 from graspdb_schemas.errors import ImportSourceError, ParameterError
 from graspdb_schemas.units import METRES_PER, metres_per
 
 AGAIN: Final = "Download it again; the download may have been cut off."
+LARGEST: Final = 1e12
+"""What no length, angle or count of a data set comes to."""
+
 MOST_MISSING: Final = 100
 """Frames that may be missing for each that is there."""
 
@@ -42,14 +47,14 @@ def numbers(content: object, key: str, shapes: Shape | tuple[Shape, ...], path: 
     ImportSourceError
         If it is missing, of another shape, or not of finite numbers.
     """
-    value = np.asarray(entry(content, key, path))
+    value = _as_array(entry(content, key, path))
     allowed = shapes if shapes and isinstance(shapes[0], tuple) else (shapes,)
     if value.dtype.kind not in "biuf" or not any(_fits(value.shape, shape) for shape in allowed):
         found = f"{key} has shape {value.shape} and type {value.dtype}"
         wanted = " or ".join(str(shape).replace("None", "n") for shape in allowed)
         raise ImportSourceError(path, found, f"It should be numbers of shape {wanted}. {AGAIN}")
-    if not np.isfinite(value).all():
-        raise ImportSourceError(path, f"{key} has values that are not finite", AGAIN)
+    if not (np.abs(value.astype(np.float64)) < LARGEST).all():
+        raise ImportSourceError(path, f"{key} has values that are no finite measures", AGAIN)
     return np.array(value, dtype=np.float64)
 
 
@@ -82,6 +87,20 @@ def word(content: object, key: str, path: Path) -> str:
     value = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
     if not isinstance(value, str):
         raise ImportSourceError(path, f"{key} is {value!r:.60}, not a text", AGAIN)
+    return value
+
+
+def whole(content: object, key: str, path: Path) -> int:
+    """Return the whole number, not negative, under a key.
+
+    Raises
+    ------
+    ImportSourceError
+        If it is missing or not one.
+    """
+    value = entry(content, key, path)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ImportSourceError(path, f"{key} is {value!r:.60}, not a whole number", AGAIN)
     return value
 
 
@@ -129,6 +148,19 @@ def rigid(rotations: Floats, positions: Floats) -> Floats:
     poses = np.tile(np.eye(4), (len(rotations), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotations, positions
     return poses
+
+
+def rotations_by(quaternions: Floats, path: Path) -> Floats:
+    """Return the rotation matrices, shape (n, 3, 3), of quaternions (w, x, y, z), shape (n, 4).
+
+    Raises
+    ------
+    ImportSourceError
+        If one is zero.
+    """
+    if (np.linalg.norm(quaternions, axis=1) < 1e-6).any():
+        raise ImportSourceError(path, "a quaternion in it is zero", AGAIN)
+    return rotations_from_quaternions(np.asarray(quaternions, dtype=np.float64))
 
 
 def rotations_of(vectors: Floats) -> Floats:
@@ -203,6 +235,13 @@ def metres_in(options: ImportOptions) -> float:
     if scale is None:
         raise ParameterError("units", unit, ", ".join(METRES_PER))
     return scale
+
+
+def _as_array(value: object) -> NDArray[Any]:
+    try:
+        return np.asarray(value)
+    except ValueError:  # lists of different lengths
+        return np.empty(0, dtype=object)
 
 
 def _fits(shape: tuple[int, ...], wanted: Any) -> bool:

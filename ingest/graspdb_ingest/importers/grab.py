@@ -60,7 +60,7 @@ FORMAT: Final = Format(
     name="grab",
     title="GRAB",
     version="2020",
-    licence="non-commercial scientific research only, see the data set's licence",
+    licence="NC: non-commercial scientific research only, see the data set's licence",
     needs=(
         "grab/<subject>/<object>_<intent>_<number>.npz",
         "tools/object_meshes and tools/subject_meshes",

@@ -55,7 +55,7 @@ FORMAT: Final = Format(
     name="ho3d",
     title="HO-3D",
     version="2 and 3",
-    licence="academic research only, no redistribution, see the data set's terms",
+    licence="NC: non-commercial academic research only, no redistribution, see the data set's terms",
     needs=("train/<sequence>/meta/*.pkl", "models/<object>/textured_simple.obj, or --objects"),
     documentation="https://github.com/shreyashampali/ho3d",
 )
@@ -78,13 +78,14 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
         folder
         for pattern in ("meta", "*/meta", "train/*/meta")
         for folder in sorted(path.glob(pattern))
-        if matches(folder, "[0-9]*.pkl")
+        if any(file.stem.isdecimal() for file in folder.glob("[0-9]*.pkl"))
     ]
     if not folders:
         raise ImportSourceError(path, "no sequence of HO-3D is in it", "Give the folder that holds train/.")
     for folder in folders:
         sequence = folder.parent
-        files = tuple(sorted(folder.glob("[0-9]*.pkl"), key=lambda file: int(file.stem)))
+        numbered = [file for file in folder.glob("[0-9]*.pkl") if file.stem.isdecimal()]
+        files = tuple(sorted(numbered, key=lambda file: int(file.stem)))
         first = _first(files)
         name = word(first, "objName", files[0])
         root = sequence.parent.parent if sequence.parent.name in ("train", "evaluation") else sequence.parent

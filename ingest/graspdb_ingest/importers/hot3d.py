@@ -45,13 +45,13 @@ from graspdb_ingest.importers.fields import (
     read_json,
     read_json_lines,
     rigid,
+    rotations_by,
     word,
 )
 from graspdb_ingest.importers.mano import N_SHAPE, find_mano, mend_left_shape, read_mano
 from graspdb_ingest.importers.meshes import find_mesh
 from graspdb_ingest.importers.order import in_usual_order
 from graspdb_ingest.importers.umetrack import N_HINGES, read_profile
-from graspdb_ingest.rigid import rotations_from_quaternions
 from graspdb_schemas.errors import ImportSourceError
 from graspdb_schemas.vocabulary import Side
 
@@ -139,7 +139,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     rows = np.array([placed[time] for time in placed]).reshape(-1, len(_COLUMNS))
     poses = np.full((len(times), 4, 4), np.nan)
     frames = _frames(times, list(placed))
-    poses[frames] = rigid(rotations_from_quaternions(rows[:, 3:]), rows[:, :3])
+    poses[frames] = rigid(rotations_by(rows[:, 3:], poses_file), rows[:, :3])
     hands = tuple(hand for side in Side if (hand := _hand(side, lines, times, source.files[2:])) is not None)
     if not hands:
         raise ImportSourceError(motion, "it has neither hand", AGAIN)
@@ -162,7 +162,8 @@ def _names(library: Path) -> dict[str, str]:
     file = library / "instance.json"
     if not file.is_file():
         return {}
-    return {uid: word(read_json(file), f"{uid}.instance_name", file) for uid in read_json(file)}
+    content = read_json(file)
+    return {uid: word(content, f"{uid}.instance_name", file) for uid in content}
 
 
 def _rows(path: Path) -> dict[str, dict[int, list[float]]]:
@@ -204,8 +205,9 @@ def _grid(stamps: Sequence[int], rate: float | None, path: Path) -> Floats:
     kept = ordered[np.concatenate(([True], np.diff(ordered) > SAME_TIME))]
     if len(kept) == 1:
         return kept.astype(np.float64)
-    period = 1e9 / rate if rate else float(np.median(np.diff(kept)))
-    n_frames = round(float(kept[-1] - kept[0]) / period) + 1
+    span = float(kept[-1] - kept[0])
+    period = 1e9 / rate if rate else span / round(span / float(np.median(np.diff(kept))))
+    n_frames = round(span / period) + 1
     if n_frames > MOST_MISSING * len(kept):
         raise ImportSourceError(
             path, f"its {len(kept)} time stamps span {n_frames} frames", "Check their unit, ns."
@@ -232,7 +234,7 @@ def _hand(
     said = list(seen.values())
     places = np.array([numbers(hand, "wrist_xform.t_xyz", (3,), motion) for hand in said])
     turns = np.array([numbers(hand, "wrist_xform.q_wxyz", (4,), motion) for hand in said])
-    wrists = rigid(rotations_from_quaternions(turns), places)
+    wrists = rigid(rotations_by(turns, motion), places)
     find_points = _by_mano if motion.name == MANO else _by_umetrack
     points = np.full((len(times), 21, 3), np.nan)
     points[_frames(times, list(seen))] = find_points(side, said, wrists, motion, models)

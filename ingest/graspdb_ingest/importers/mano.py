@@ -30,6 +30,9 @@ The numbers are those of the package smplx (github.com/vchoutas/smplx, vertex_id
 and HOT3D compute their joints; other packages take a vertex next to it.
 """
 
+LARGEST: Final = 1e3
+"""What nothing in a model comes to: lengths are metres, directions less, weights shares."""
+
 FILES: Final[Mapping[Side, str]] = {Side.RIGHT: "MANO_RIGHT.pkl", Side.LEFT: "MANO_LEFT.pkl"}
 """Names of the model's files."""
 
@@ -230,6 +233,8 @@ def _numbers(content: Mapping[object, object], key: str, shape: tuple[int, ...],
     found = value.shape if isinstance(value, np.ndarray) else "nothing" if value is None else "no array"
     if not isinstance(value, np.ndarray) or value.shape != shape or value.dtype.kind not in "fiu":
         raise ImportSourceError(path, f"{key} is {found}, not numbers of shape {shape}", _REMEDY)
+    if not (np.abs(value) < LARGEST).all():
+        raise ImportSourceError(path, f"{key} has values that are none of a hand model's", _REMEDY)
     return np.asarray(value, dtype=np.float64)
 
 

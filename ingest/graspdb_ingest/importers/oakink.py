@@ -24,6 +24,7 @@ from typing import Final
 
 import numpy as np
 
+from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.importers.archives import read_pickle
 from graspdb_ingest.importers.base import (
     Clip,
@@ -120,9 +121,8 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     scale = metres_in(options)
     points = np.full((n_frames, 21, 3), np.nan)
     poses = np.full((n_frames, 4, 4), np.nan)
-    vertices = read_geometry(mesh_of(source)).vertices
     middle = np.eye(4)
-    middle[:3, 3] = -(vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    middle[:3, 3] = -_middle(mesh_of(source))
     for frame, joints, pose in zip(frames, source.files[:half], source.files[half:], strict=True):
         seen = numbers({"hand_j": read_pickle(joints)}, "hand_j", (21, 3), joints)
         points[frame - frames[0]] = in_usual_order(scale * seen, options.order or "openpose")
@@ -140,6 +140,14 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
 
 
 IMPORTER: Final = Importer(FORMAT, recognises, find, read)
+
+
+def _middle(mesh: Path) -> Floats:
+    """Return the middle of a mesh's bounding box, shape (3,)."""
+    vertices = read_geometry(mesh).vertices
+    if not np.isfinite(vertices).all():
+        raise ImportSourceError(mesh, "it has vertices that are nowhere", AGAIN)
+    return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
 
 
 def _frame(file: Path) -> int:

@@ -8,6 +8,7 @@ bounded. Names are answered by `STAND_INS` alone.
 import io
 import pickle
 import pickletools
+import warnings
 from pathlib import Path
 from typing import Final
 
@@ -72,8 +73,10 @@ def unpickle(data: bytes, path: Path) -> object:
         If it is cut off or not a pickle.
     """
     try:
-        _look_through(data)
-        return thaw(_DataUnpickler(io.BytesIO(data), fix_imports=False, encoding="latin-1").load())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of escapes in damaged strings
+            _look_through(data)
+            return thaw(_DataUnpickler(io.BytesIO(data), fix_imports=False, encoding="latin-1").load())
     except RefusedError as refused:
         raise UnsafeFileError(path, f"its pickle holds {refused}, which is not data", _REMEDY) from refused
     except (

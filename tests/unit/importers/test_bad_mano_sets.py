@@ -1,5 +1,6 @@
 """What can be wrong with a downloaded data set is named: file, what was found, what to do."""
 
+import contextlib
 import os
 import pickle
 import shutil
@@ -104,6 +105,26 @@ def test_half_of_any_file_is_named(written: tuple[Path, dict[str, Truth]], sets:
         assert file.name in str(caught.value)
         file.write_bytes(whole)
     read(form, sets / form, trial)
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_damage_is_read_over_or_named_but_never_a_traceback(
+    written: tuple[Path, dict[str, Truth]], sets: Path, form: str
+) -> None:
+    trial, rng = written[1][form].trial, np.random.default_rng(len(form))
+    options = ImportOptions(**mano(form, sets))
+    source = next(s for s in IMPORTERS[form].find(sets / form, options) if s.name == trial)
+    for file in {path.suffix + path.name[:5]: path for path in reversed(source.files)}.values():
+        whole = file.read_bytes()
+        for _ in range(5):
+            damaged = bytearray(whole)
+            place = int(rng.integers(min(len(whole), 3000)))
+            other = (b"", b"[]", b"-1", b"nan", b"1e400", rng.bytes(3))[int(rng.integers(6))]
+            damaged[place : place + int(rng.integers(20))] = other
+            file.write_bytes(bytes(damaged))
+            with contextlib.suppress(GraspDBError):
+                check_clip(read(form, sets / form, trial), file, None)
+        file.write_bytes(whole)
 
 
 @pytest.mark.parametrize("form", ["grab", "arctic"])

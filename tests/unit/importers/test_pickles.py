@@ -110,6 +110,8 @@ def test_pickles_of_python_2_come_through() -> None:
 def test_sparse_matrices_become_dense(kind: type) -> None:
     dense = np.array([[0, 1.5, 0], [2.5, 0, 0]])
     assert np.array_equal(np.asarray(unpickle(pickle.dumps(kind(dense)), PATH)), dense)
+    empty = np.asarray(unpickle(pickle.dumps(kind((4, 0))), PATH))
+    assert empty.shape == (4, 0)
 
 
 def test_what_is_shared_is_read_once() -> None:
@@ -211,13 +213,21 @@ def test_too_many_instructions_are_refused(monkeypatch: pytest.MonkeyPatch) -> N
         unpickle(b"N0" * 500 + b"N.", PATH)
 
 
-def test_a_sparse_matrix_is_not_written_out_beyond_bounds() -> None:
+@pytest.mark.parametrize("kind", [csc_matrix, csr_matrix])
+def test_a_sparse_matrix_is_not_written_out_beyond_bounds(kind: type) -> None:
     with pytest.raises(UnsafeFileError, match="a sparse matrix of shape"):
         unpickle(pickle.dumps(csc_matrix((10**6, 10**6))), PATH)
-    broken = csc_matrix(np.eye(3))
-    broken.indices[0] = 10**6
-    with pytest.raises(UnsafeFileError, match="a sparse matrix that is not one"):
-        unpickle(pickle.dumps(broken), PATH)
+    for part, place, value in (
+        ("indices", 0, 10**6),
+        ("indices", 0, -1),
+        ("indptr", 3, -(1 << 30)),
+        ("indptr", 1, 1 << 30),
+        ("indptr", 0, 1),
+    ):
+        broken = kind(np.eye(3))
+        getattr(broken, part)[place] = value
+        with pytest.raises(UnsafeFileError, match="a sparse matrix w"):
+            unpickle(pickle.dumps(broken), PATH)
 
 
 @given(st.binary(max_size=60))
