@@ -1,13 +1,17 @@
 """``graspdb import``: public hand-object data sets into a database."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from graspdb.commands.ingest import plain, progress_bar, summary
 from graspdb.commands.options import DEFAULT_DB, Db, Json
+
+if TYPE_CHECKING:
+    from graspdb.ingestion import IngestReport
 
 
 def import_(
@@ -92,9 +96,21 @@ def import_(
             parameters=IngestParameters(contact=ContactParameters(surface=surface)),
             progress=advance,
         )
-    typer.echo(json.dumps(plain(report), indent=2) if as_json else summary(report))
+    told = "\n".join([summary(report), *_notes(report)])
+    typer.echo(json.dumps(plain(report), indent=2) if as_json else told)
     if report.rejected:
         raise typer.Exit(1)
+
+
+def _notes(report: "IngestReport") -> Iterator[str]:
+    """Yield what to know of the clips, each thing once with the first clip that it is said of."""
+    trials: dict[str, list[str]] = {}
+    for trial in report.trials:
+        for note in trial.reasons if trial.status == "ok" else ():
+            trials.setdefault(note, []).append(trial.trial)
+    for note, said_of in trials.items():
+        others = f" and {len(said_of) - 1} more" if len(said_of) > 1 else ""
+        yield f"  note on {said_of[0]}{others}: {note}"
 
 
 def _formats(as_json: bool) -> str:

@@ -17,6 +17,7 @@ from graspdb.cli import app
 from graspdb.importing import CLIPS_PER_COMMIT, import_data_set
 from graspdb.store import Outcome
 from graspdb_ingest.importers.base import ImportOptions
+from graspdb_ingest.importers.keypoints import POSTURES_PER_CLIP
 from graspdb_ingest.importers.registry import IMPORTERS
 from graspdb_ingest.keypoints import KeyPointGrasp, dimensions_of, static_grasp
 from graspdb_ingest.parameters import IngestParameters
@@ -144,6 +145,26 @@ def test_only_what_has_changed_is_imported_again(data: Path, tmp_path: Path) -> 
     trimesh.creation.box((0.05, 0.05, 0.13)).export(folder / "box.stl")
     assert outcomes() == {"box": Outcome.REPLACED, "postures": Outcome.UNCHANGED}
     assert set(outcomes(force=True).values()) == {Outcome.REPLACED}
+
+
+def test_what_an_interrupted_import_has_done_stays(tmp_path: Path) -> None:
+    class StoppedError(Exception):
+        pass
+
+    def stop(_report: object, _total: int) -> None:
+        raise StoppedError
+
+    several = np.resize(postures(Side.RIGHT, 5), (40 * POSTURES_PER_CLIP, 21, 3))
+    np.savez(tmp_path / "hand.npz", key_points=several)
+    db = tmp_path / "grasps"
+    with pytest.raises(StoppedError):
+        import_data_set("keypoints", tmp_path / "hand.npz", db, options=OPTIONS, progress=stop)
+    report = import_data_set("keypoints", tmp_path / "hand.npz", db, options=OPTIONS)
+    outcomes = [trial.outcome for trial in report.trials]
+    assert outcomes.count(Outcome.UNCHANGED) == CLIPS_PER_COMMIT
+    assert outcomes.count(Outcome.ADDED) == 40 - CLIPS_PER_COMMIT
+    with graspdb.open(db) as database:
+        assert database.sql("SELECT count(*) FROM frames").rows() == [(len(several),)]
 
 
 def test_a_bad_clip_is_rejected_alone(data: Path, tmp_path: Path) -> None:
