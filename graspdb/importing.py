@@ -16,6 +16,7 @@ from graspdb_ingest.importers.base import ClipSource, ImportOptions, ObjectSourc
 from graspdb_ingest.importers.clip import ImportJob, process_clip
 from graspdb_ingest.importers.import_key import object_key
 from graspdb_ingest.importers.objects import prepare_source
+from graspdb_ingest.importers.options import check_options
 from graspdb_ingest.importers.registry import importer, with_suggestion
 from graspdb_ingest.importers.session import imported_session_rows
 from graspdb_ingest.importers.survey import SurveyedSubject, survey
@@ -80,7 +81,9 @@ def import_data_set(
     if workers < 1:
         raise ParameterError("workers", workers, "1 or more")
     chosen = importer(form)
-    job = ImportJob(chosen, options or ImportOptions(), parameters or IngestParameters(), fit)
+    options = options or ImportOptions()
+    check_options(options)
+    job = ImportJob(chosen, options, parameters or IngestParameters(), fit)
     try:
         sources = list(chosen.find(Path(path), job.options))
         if not sources:

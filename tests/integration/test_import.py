@@ -202,6 +202,26 @@ def test_another_data_set_is_recognised(data: Path) -> None:
         import_data_set("contactpos", data, data / "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--units", "inch", "allowed: mm, cm, dm, m"),
+        ("--order", "man0", "mano"),
+        ("--rate", "0", "above zero"),
+        ("--session", "a/b", "without slash"),
+        ("--objects", "/nowhere", "exists"),
+        ("--side", "both", "right or left"),
+    ],
+)
+def test_options_are_checked_before_anything_is_written(
+    data: Path, tmp_path: Path, option: str, value: str, said: str
+) -> None:
+    arguments = ["import", "keypoints", str(data), "--db", str(tmp_path / "grasps"), option, value]
+    with pytest.raises(ParameterError, match=said):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert not (tmp_path / "grasps").exists()
+
+
 def reaching(n: int = 240, rate: float = 60.0) -> dict[str, Any]:
     """Return a hand that comes to a box at rest, holds it, lifts it and puts it down, by its parts."""
     hand = grasping(1, 0)[0]

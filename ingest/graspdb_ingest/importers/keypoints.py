@@ -52,6 +52,8 @@ def find(path: Path, options: ImportOptions) -> Iterator[ClipSource]:
     ------
     ImportSourceError
         If there is none, or a mesh is missing.
+    ParameterError
+        If neither file nor options say which hand it is.
     """
     files = _files(path)
     if not files:
@@ -70,7 +72,7 @@ def read(source: ClipSource, options: ImportOptions) -> Clip:
     ImportSourceError
         If the file can no longer be read.
     ParameterError
-        If neither file nor options say which hand it is, or the unit or the order is unknown.
+        If the unit or the order is unknown.
     """
     file, part = source.files[0], source.part
     postures = read_postures(file)[part["number"]]
@@ -145,6 +147,8 @@ def _head(file: Path) -> bytes:
 
 def _clips(file: Path, number: int, postures: Postures, options: ImportOptions) -> Iterator[ClipSource]:
     """Yield a moving clip whole, and static postures in parts."""
+    for said in postures.key_points:
+        _side(said, options)
     thing = None
     if postures.object is not None:
         mesh = find_mesh(postures.object, file.parent, options)
