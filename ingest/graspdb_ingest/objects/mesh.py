@@ -84,7 +84,17 @@ def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units") -
     """
     if not (np.isfinite(scale) and scale > 0):
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
-    geometry = read_geometry(path)
+    return surface_of(path, read_geometry(path), scale, unit_key)
+
+
+def surface_of(path: Path, geometry: Geometry, scale: float = 1.0, unit_key: str = "mesh_units") -> Surface:
+    """Check the vertices and faces that a file holds and mend what is safe; see `load_surface`.
+
+    Raises
+    ------
+    ObjectError
+        If they cannot be the surface of an object.
+    """
     if geometry.faces is None:
         return _cloud_surface(path, geometry, scale, unit_key)
     return _mesh_surface(path, geometry, geometry.faces, scale, unit_key)
