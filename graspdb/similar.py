@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.descriptor import describe, descriptor_kind
+from graspdb_ingest.descriptor import describe, describe_featured, descriptor_kind, fourier_features
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import Surface, load_surface
@@ -57,8 +57,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
             f"its largest extent is {largest:.4g} m; a hand encloses at most {LARGEST_PART:g} m",
             "Check --units, or cut out the part that is meant.",
         )
-    cloud = _sampled(surface, parameters)
-    _check_points(path, cloud, parameters)
+    cloud = _cloud(path, surface, parameters)
     clouds = [cloud]
     if surface.faces is None and surface.normals is None:
         clouds.append(_turned(cloud))
@@ -93,12 +92,12 @@ def new_object(path: Path, scale: float, parameters: CloudParameters | None = No
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
     parameters = parameters or CloudParameters()
-    cloud = _sampled(load_surface(path, scale), parameters)
-    _check_points(path, cloud, parameters)
+    cloud = _cloud(path, load_surface(path, scale), parameters)
     histograms = point_histograms(cloud, parameters)
+    features = fourier_features(histograms)
 
     def described(rows: NDArray[np.int64]) -> Vectors:
-        return describe(cloud.points[rows], cloud.normals[rows], histograms[rows], cloud.areas[rows])
+        return describe_featured(cloud.points[rows], cloud.normals[rows], features[rows], cloud.areas[rows])
 
     return NewObject(
         name=str(path),
@@ -109,14 +108,16 @@ def new_object(path: Path, scale: float, parameters: CloudParameters | None = No
     )
 
 
-def _check_points(path: Path, cloud: ObjectCloud, parameters: CloudParameters) -> None:
-    """Raise ObjectError if a cloud has too few points."""
+def _cloud(path: Path, surface: Surface, parameters: CloudParameters) -> ObjectCloud:
+    """Return the cloud of a surface from a file; raise ObjectError if it has too few points."""
+    cloud = _sampled(surface, parameters)
     if len(cloud.points) < LEAST_POINTS:
         raise ObjectError(
             path,
             f"{len(cloud.points)} points remain at {1e3 * parameters.spacing:g} mm from each other",
             f"At least {LEAST_POINTS} are needed to describe a surface; check --units.",
         )
+    return cloud
 
 
 def _sampled(surface: Surface, parameters: CloudParameters) -> ObjectCloud:

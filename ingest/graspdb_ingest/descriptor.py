@@ -12,7 +12,6 @@ without a codebook that ages:
 """
 
 from functools import cache
-from itertools import product
 from typing import Final
 
 import numpy as np
@@ -57,17 +56,21 @@ def describe(
     areas : ndarray, shape (n,)
         Area that each point stands for.
     """
-    local = _local(histograms, areas)
+    return describe_featured(points, normals, fourier_features(histograms), areas)
+
+
+def describe_featured(points: Floats, normals: Floats, features: Floats, areas: Floats) -> NDArray[np.float32]:
+    """Return the same from the points' `fourier_features`, for many parts of one surface."""
+    local = areas @ features / areas.sum()
     return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)
 
 
-def _local(histograms: NDArray[np.float32], areas: Floats) -> Floats:
-    """Return the mean Fourier features of histograms, shape (128,)."""
+def fourier_features(histograms: NDArray[np.float32]) -> Floats:
+    """Return the Fourier features of histograms, shape (n, 128)."""
     total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
     roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
     frequencies, phases = _fourier(roots.shape[1])
-    features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
-    return np.asarray(areas @ features / areas.sum())
+    return np.asarray(np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases))
 
 
 @cache
@@ -82,35 +85,52 @@ def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:
     """Return the square roots of the shares of pairs in each cell, shape (300,)."""
     n = len(points)
     chosen = np.unique(np.linspace(0, n - 1, min(n, PAIRED_POINTS)).round().astype(np.int64))
-    first, second = np.triu_indices(len(chosen), 1)
-    if not len(first):
+    pairs = _upper(len(chosen))
+    if not len(pairs):
         return np.zeros(int(np.prod(PAIR_BINS)))
-    points, normals, areas = points[chosen], normals[chosen], areas[chosen]
-    arms = points[second] - points[first]
-    distances = np.linalg.norm(arms, axis=1)
-    arms /= np.maximum(distances, 1e-12)[:, None]
-    cosines = np.einsum("ni,ni->n", normals[first], normals[second])
-    bends = np.einsum("ni,ni->n", normals[second] - normals[first], arms)
+    points, normals, areas = points[chosen] - points[chosen].mean(axis=0), normals[chosen], areas[chosen]
+    squares = np.einsum("ni,ni->n", points, points)
+    squared = (squares[:, None] + squares - 2 * points @ points.T).ravel()[pairs]
+    distances = np.sqrt(np.maximum(squared, 0.0))
+    # (n_j - n_i) . (p_j - p_i), from the products of every normal with every point.
+    along = normals @ points.T
+    own = np.diagonal(along)
+    bends = (own[:, None] + own - along - along.T).ravel()[pairs] / np.maximum(distances, 1e-12)
+    cosines = (normals @ normals.T).ravel()[pairs]
     ranges = (tuple(np.sqrt(PAIR_DISTANCES)), (-1.0, 1.0), (-2.0, 2.0))
-    shares = areas[first] * areas[second]
+    shares = np.outer(areas, areas).ravel()[pairs]
     cells = _soft_histogram((np.sqrt(distances), cosines, bends), ranges, shares)
     return np.asarray(np.sqrt(cells / cells.sum()))
+
+
+@cache
+def _upper(n: int) -> NDArray[np.int64]:
+    """Return the places, in a flattened matrix of n rows, of the pairs of different points."""
+    first, second = np.triu_indices(n, 1)
+    return np.asarray(n * first + second)
 
 
 def _soft_histogram(
     values: tuple[Floats, Floats, Floats], ranges: tuple[tuple[float, ...], ...], weights: Floats
 ) -> Floats:
     """Return a histogram whose entries are shared among neighbouring cells, by distance, flat."""
-    lower, beyond = [], []
+    n_cells = int(np.prod(PAIR_BINS))
+    lower = np.zeros(len(weights), dtype=np.int64)
+    corners = [(0, weights)]
+    stride = n_cells
     for value, (low, high), bins in zip(values, ranges, PAIR_BINS, strict=True):
-        place = np.clip((value - low) / (high - low) * (bins - 1), 0, bins - 1)
-        lower.append(np.minimum(place.astype(np.int64), bins - 2))
-        beyond.append(place - lower[-1])
-    cells = np.zeros(int(np.prod(PAIR_BINS)))
-    for corner in product((0, 1), repeat=3):
-        share = weights.copy()
-        for step, part in zip(corner, beyond, strict=True):
-            share *= part if step else 1 - part
-        where = np.ravel_multi_index([low + step for low, step in zip(lower, corner, strict=True)], PAIR_BINS)
-        cells += np.bincount(where, share, minlength=len(cells))
+        stride //= bins
+        place = np.clip((value - low) * ((bins - 1) / (high - low)), 0, bins - 1)
+        whole = np.minimum(place.astype(np.int64), bins - 2)
+        lower += stride * whole
+        beyond = place - whole
+        corners = [
+            corner
+            for step, share in corners
+            for upper in (share * beyond,)
+            for corner in ((step, share - upper), (step + stride, upper))
+        ]
+    cells = np.zeros(n_cells)
+    for step, share in corners:
+        cells[step:] += np.bincount(lower, share, minlength=n_cells)[: n_cells - step]
     return cells

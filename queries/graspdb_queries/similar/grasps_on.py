@@ -155,7 +155,8 @@ def _held(
     held = {}
     for i, part in enumerate(parts):
         row, name = rows[part.name], features.objects[i]
-        planes = hull_planes(np.array(row["hull_vertices"], dtype=float))
+        vertices = np.array(row["hull_vertices"], dtype=float)
+        planes = hull_planes(vertices)
         if planes is None or not np.isfinite(row["sites"]).all():
             continue
         radii = np.array(row["radii"] or [0.0] * N_SITES, dtype=float)
@@ -163,6 +164,7 @@ def _held(
             part=part,
             vector=features.index.vectors[i],
             planes=planes,
+            box=np.array([vertices.min(axis=0) - 1e-9, vertices.max(axis=0) + 1e-9]),
             sites=row["sites"],
             radii=radii,
             own_gaps=gaps(trees[name], clouds[name], row["sites"], radii),

@@ -22,7 +22,12 @@ from graspdb_queries.similar.places import LEAST_POINTS, NewObject, Rows
 
 Floats = NDArray[np.float64]
 
-STEPS: Final = 12
+STEPS: Final = (4, 10)
+"""Steps of every start, then of the best one."""
+
+AT_REST: Final = 1e-5
+"""A step that moves no point further, roughly, is the last [m]."""
+
 NEIGHBOURS: Final = 8
 """Points of the object among which one is looked for whose normal points the same way."""
 
@@ -54,6 +59,8 @@ class HeldFeature:
         Its descriptor's vector.
     planes : ndarray, shape (f, 4)
         Half-spaces of the enclosing space: a x <= -b.
+    box : ndarray, shape (2, 3)
+        Its lowest and highest corner [m].
     sites : ndarray, shape (20, 3)
         Sphere centres [m].
     radii : ndarray, shape (20,)
@@ -67,6 +74,7 @@ class HeldFeature:
     part: Part
     vector: Vectors
     planes: Floats
+    box: Floats
     sites: Floats
     radii: Floats
     own_gaps: Floats
@@ -115,9 +123,9 @@ def lay_onto(new: NewObject, place: Rows, features: Sequence[HeldFeature], metri
     fits = []
     for feature, starts in zip(features, matrices, strict=True):
         # What is nearly alike both ways round, as a handle is, shows only on the whole object which fits.
-        settled = [_settled(new, feature.part, start) for start in starts]
-        best = min(settled, key=lambda pose: _nearest_mean(_apart(new, feature.part, pose)))
-        fit = _judge(new, feature, best, metric)
+        tried = [_settled(new, feature.part, start, STEPS[0]) for start in starts]
+        best = min(tried, key=lambda pose: _nearest_mean(_apart(new, feature.part, pose)))
+        fit = _judge(new, feature, _settled(new, feature.part, best, STEPS[1]), metric)
         if fit is not None:
             fits.append(fit)
     return fits
@@ -129,20 +137,25 @@ def _moved(points: Floats, pose: Floats) -> Floats:
 
 def _facing(new: NewObject, points: Floats, normals: Floats) -> tuple[Floats, Rows]:
     """Return distances to the nearest points that face the same way, at most `REACH`, and their rows."""
-    k = min(NEIGHBOURS, len(new.cloud.points))
-    found = new.tree.query(points, k=np.arange(1, k + 1))
+    found = new.tree.query(points)
     apart, rows = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
-    alike = np.einsum("nki,ni->nk", new.cloud.normals[rows], normals) > 0
-    apart = np.where(alike, apart, REACH)
-    best: Rows = apart.argmin(axis=1).astype(np.int64)
-    every = np.arange(len(points))
-    return np.minimum(apart[every, best], REACH), rows[every, best]
+    facing = np.einsum("ni,ni->n", new.cloud.normals[rows], normals) > 0
+    # Few points lie nearest to a surface that faces away, as across a thin wall; those look further.
+    across = np.flatnonzero(~facing & (apart < REACH))
+    if len(across):
+        k = min(NEIGHBOURS, len(new.cloud.points))
+        more = new.tree.query(points[across], k=np.arange(1, k + 1))
+        alike = np.einsum("nki,ni->nk", new.cloud.normals[more[1]], normals[across]) > 0
+        further = np.where(alike, more[0], REACH)
+        best, every = further.argmin(axis=1), np.arange(len(across))
+        apart[across], rows[across] = further[every, best], more[1][every, best]
+    return np.minimum(apart, REACH), rows
 
 
-def _settled(new: NewObject, part: Part, pose: Floats) -> Floats:
+def _settled(new: NewObject, part: Part, pose: Floats, steps: int) -> Floats:
     """Return a pose after steps of point-to-plane iterated closest points, the furthest left out."""
     points, normals = part.scored, part.scored_normals
-    for _ in range(STEPS):
+    for _ in range(steps):
         moved, turned = _moved(points, pose), normals @ pose[:3, :3].T
         apart, rows = _facing(new, moved, turned)
         near = np.argsort(apart, kind="stable")[: int(np.ceil(TRIMMED * len(apart)))]
@@ -159,6 +172,8 @@ def _settled(new: NewObject, part: Part, pose: Floats) -> Floats:
         change = np.eye(4)
         change[:3, :3], change[:3, 3] = turn, centre - turn @ centre + step[3:]
         pose = change @ pose
+        if np.abs(step).max() < AT_REST:
+            break
     return pose
 
 
@@ -174,8 +189,9 @@ def _judge(new: NewObject, feature: HeldFeature, pose: Floats, metric: Metric) -
     part = feature.part
     apart = _apart(new, part, pose)
     back = (new.cloud.points - pose[:3, 3]) @ pose[:3, :3]
-    inside = (back @ feature.planes[:, :3].T + feature.planes[:, 3] <= 1e-9).all(axis=1)
-    rows = np.flatnonzero(inside)
+    rows = np.flatnonzero(((back >= feature.box[0]) & (back <= feature.box[1])).all(axis=1))
+    inside = (back[rows] @ feature.planes[:, :3].T + feature.planes[:, 3] <= 1e-9).all(axis=1)
+    rows = rows[inside]
     if len(rows) < LEAST_POINTS:
         return None
     vector = metric.vectors(new.describe(rows)[None])[0]
