@@ -19,6 +19,9 @@ from graspdb_queries.similar.places import NewObject
 from graspdb_queries.similar.question import Question
 from graspdb_schemas.errors import ObjectError
 
+KIND: Final = descriptor_kind(CloudParameters())
+"""Kind of the descriptors made here."""
+
 LEAST_POINTS: Final = 10
 """Fewer points than this, at the spacing of clouds, are no surface to describe."""
 
@@ -29,7 +32,7 @@ LARGEST_PART: Final = 0.5
 """Largest extent of what a hand encloses [m]."""
 
 
-def part_question(path: Path, scale: float, parameters: CloudParameters | None = None) -> Question:
+def part_question(path: Path, scale: float) -> Question:
     """Return a part of an object, read from a file, as a question.
 
     A cloud without normals is described with either side out, and the nearer counts.
@@ -40,15 +43,13 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
         A cloud (PLY, PCD) or a mesh (STL, OBJ, PLY, GLB, OFF) of the part alone.
     scale : float
         Factor from the file's numbers to metres.
-    parameters : CloudParameters, optional
-        Spacing and radii; the defaults of ingest unless given.
 
     Raises
     ------
     ObjectError
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
-    parameters = parameters or CloudParameters()
+    parameters = CloudParameters()
     surface = load_surface(path, scale)
     largest = float(surface.extents.max())
     if largest > LARGEST_PART:
@@ -64,7 +65,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
     described = [_described(one, parameters) for one in clouds]
     return Question(
         name=str(path),
-        kind=descriptor_kind(parameters),
+        kind=KIND,
         descriptors=np.stack([descriptor for _, descriptor in described]),
         part=Part(str(path), cloud.points, cloud.normals, described[0][0], np.full((4, 4), np.nan)),
         hand=None,
@@ -74,7 +75,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
     )
 
 
-def new_object(path: Path, scale: float, parameters: CloudParameters | None = None) -> NewObject:
+def new_object(path: Path, scale: float) -> NewObject:
     """Return a whole object, read from a file, as those of a database are described.
 
     Parameters
@@ -83,15 +84,13 @@ def new_object(path: Path, scale: float, parameters: CloudParameters | None = No
         A mesh (STL, OBJ, PLY, GLB, OFF) or a cloud (PLY, PCD).
     scale : float
         Factor from the file's numbers to metres.
-    parameters : CloudParameters, optional
-        Spacing and radii; the defaults of ingest unless given.
 
     Raises
     ------
     ObjectError
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
-    parameters = parameters or CloudParameters()
+    parameters = CloudParameters()
     cloud = _cloud(path, load_surface(path, scale), parameters)
     histograms = point_histograms(cloud, parameters)
     features = fourier_features(histograms)
@@ -101,7 +100,7 @@ def new_object(path: Path, scale: float, parameters: CloudParameters | None = No
 
     return NewObject(
         name=str(path),
-        kind=descriptor_kind(parameters),
+        kind=KIND,
         cloud=Cloud(cloud.points, cloud.normals, histograms),
         area=float(cloud.areas.sum()),
         describe=described,

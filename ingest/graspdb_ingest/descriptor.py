@@ -59,7 +59,9 @@ def describe(
     return describe_featured(points, normals, fourier_features(histograms), areas)
 
 
-def describe_featured(points: Floats, normals: Floats, features: Floats, areas: Floats) -> NDArray[np.float32]:
+def describe_featured(
+    points: Floats, normals: Floats, features: Floats, areas: Floats
+) -> NDArray[np.float32]:
     """Return the same from the points' `fourier_features`, for many parts of one surface."""
     local = areas @ features / areas.sum()
     return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)

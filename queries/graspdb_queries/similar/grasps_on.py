@@ -11,7 +11,7 @@ from graspdb_queries.similar.align import CHUNK
 from graspdb_queries.similar.answer import ScorePart
 from graspdb_queries.similar.library import Features, features_by_key, flat
 from graspdb_queries.similar.metric import Metric
-from graspdb_queries.similar.onto import Fit, HeldFeature, gaps, hull_planes, lay_onto
+from graspdb_queries.similar.onto import Fit, HeldFeature, gaps, hull_planes, lay_onto, starts_on
 from graspdb_queries.similar.placed import GraspsOn, PlacedGrasp
 from graspdb_queries.similar.places import LEAST_POINTS, NewObject, Rows, places_on
 from graspdb_queries.similar.question import MILLIMETRE, Weight
@@ -74,29 +74,12 @@ def grasps_on(search: Search, new: NewObject, count: int, where: str | None = No
     QueryError
         The database has no features that can be compared, or the filter cannot be used.
     """
-    if where is not None:
-        check_filter(search.engine, where)
-    sizes = [row[0] for row in search.engine.sql(_SIZES, {"kind": new.kind, "least": LEAST_POINTS}).rows()]
-    if not sizes or sizes[0] is None:
-        raise QueryError(
-            f"the database has no features with descriptors of kind {new.kind!r}",
-            "Ingest grasps into it, or those it has anew: graspdb ingest --force.",
-        )
+    sizes = feature_sizes(search, new.kind, where)
     metric = search.metric(new.kind)
     places = places_on(new, sizes)
     pairs, searched = _pairs(search, new, places, metric, where)
     held, rows = _held(search, new.kind, metric, sorted({key for keys in pairs.values() for key in keys}))
-    work = [
-        (place, [held[key] for key in keys[i : i + CHUNK] if key in held])
-        for place, keys in pairs.items()
-        for i in range(0, len(keys), CHUNK)
-    ]
-
-    def lay(piece: tuple[int, list[HeldFeature]]) -> list[Fit]:
-        place, features = piece
-        return lay_onto(new, places[place], features, metric) if features else []
-
-    fits = [fit for found in in_threads(lay, work) for fit in found]
+    fits = _fits(new, places, pairs, held, metric)
     best: dict[str, Fit] = {}
     for fit in sorted((fit for fit in fits if fit.possible), key=_order):
         best.setdefault(fit.key, fit)
@@ -110,6 +93,27 @@ def grasps_on(search: Search, new: NewObject, count: int, where: str | None = No
         refused=len({fit.key for fit in fits} - set(best)),
         hits=_hits(new, chosen, held, rows),
     )
+
+
+def feature_sizes(search: Search, kind: str, where: str | None) -> list[int]:
+    """Return three numbers of points that features have: few, usual and many.
+
+    Worth asking before an object is described, which takes longer.
+
+    Raises
+    ------
+    QueryError
+        The database has no features that can be compared, or the filter cannot be used.
+    """
+    if where is not None:
+        check_filter(search.engine, where)
+    sizes = [row[0] for row in search.engine.sql(_SIZES, {"kind": kind, "least": LEAST_POINTS}).rows()]
+    if not sizes or sizes[0] is None:
+        raise QueryError(
+            f"the database has no features with descriptors of kind {kind!r}",
+            "Ingest grasps into it, or those it has anew: graspdb ingest --force.",
+        )
+    return sizes
 
 
 def _pairs(
@@ -136,6 +140,29 @@ def _pairs(
             pairs.setdefault(i, []).append(key)
             n_pairs += 1
     return pairs, searched
+
+
+def _fits(
+    new: NewObject,
+    places: Sequence[Rows],
+    pairs: dict[int, list[str]],
+    held: dict[str, HeldFeature],
+    metric: Metric,
+) -> list[Fit]:
+    """Return how the features of all pairs lie on the new object."""
+    features = {place: [held[key] for key in keys if key in held] for place, keys in pairs.items()}
+    features = {place: found for place, found in features.items() if found}
+    starts = in_threads(lambda place: starts_on(new, places[place], features[place]), features)
+    if not starts:
+        return []
+    all_features = [feature for found in features.values() for feature in found]
+    all_starts = np.concatenate(starts)
+
+    def lay(first: int) -> list[Fit]:
+        some = slice(first, first + CHUNK)
+        return lay_onto(new, all_features[some], all_starts[some], metric)
+
+    return [fit for found in in_threads(lay, range(0, len(all_features), CHUNK)) for fit in found]
 
 
 def _held(

@@ -17,9 +17,10 @@ SCORED_POINTS: Final = 400
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Some points of a part [m], and their histograms."""
+    """Some points of a part [m], their normals and histograms."""
 
     points: Floats
+    normals: Floats
     histograms: NDArray[np.float32]
 
 
@@ -94,7 +95,7 @@ class Part:
         return np.unique(np.linspace(0, n - 1, min(n, SCORED_POINTS)).round().astype(np.int64))
 
     def _sample(self, chosen: NDArray[np.int64]) -> Sample:
-        return Sample(self.points[chosen], self.histograms[chosen])
+        return Sample(self.points[chosen], self.normals[chosen], self.histograms[chosen])
 
 
 def spread(points: Floats, count: int) -> NDArray[np.int64]:
