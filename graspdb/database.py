@@ -272,8 +272,9 @@ class Database:
         from graspdb.similar import new_object as read_object
         from graspdb_queries.similar.grasps_on import feature_sizes, grasps_on
 
-        feature_sizes(self._search, KIND, where)
-        return grasps_on(self._search, read_object(Path(new_object), scale), k, where)
+        holdings = self._search.holdings
+        feature_sizes(holdings, KIND, where)
+        return grasps_on(holdings, read_object(Path(new_object), scale), k, where)
 
     def info(self) -> Info:
         """Return what the database holds."""

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_ingest.descriptor import describe, describe_featured, descriptor_kind, fourier_features
+from graspdb_ingest.feature import principal_extents
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.parameters import CloudParameters
-from graspdb_queries.similar.library import Cloud
+from graspdb_queries.similar.library import Cloud, sizes_of
 from graspdb_queries.similar.metric import Vectors
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.places import NewObject
@@ -63,10 +64,12 @@ def part_question(path: Path, scale: float) -> Question:
     if surface.faces is None and surface.normals is None:
         clouds.append(_turned(cloud))
     described = [_described(one, parameters) for one in clouds]
+    extents = principal_extents(cloud.points, cloud.areas)
     return Question(
         name=str(path),
         kind=KIND,
         descriptors=np.stack([descriptor for _, descriptor in described]),
+        size=sizes_of(extents[None], cloud.areas.sum(keepdims=True))[0],
         part=Part(str(path), cloud.points, cloud.normals, described[0][0], np.full((4, 4), np.nan)),
         hand=None,
         side=None,

@@ -32,8 +32,8 @@ from graspdb.database import Database
 from graspdb.simulate import simulate_session
 from graspdb.simulate.truth import load_truth
 from graspdb_queries.engine import Engine
+from graspdb_queries.similar.holdings import Holdings
 from graspdb_queries.similar.part import Part
-from graspdb_queries.similar.search import Search
 from graspdb_queries.similar.vectors import VectorIndex
 from graspdb_queries.similar.verdict import lay
 from graspdb_queries.similar.where import filtered_grasps
@@ -105,9 +105,9 @@ def _by_descriptor(found: Gallery, label: str, queries: NDArray[np.float32]) -> 
 def _aligned(database: Database, found: Gallery) -> list[Result]:
     """Return how early partners come, and what the coarse search misses of an exhaustive fine one."""
     apart = distances(found, found.descriptors)
-    search = Search(database._engine)
-    features = search.features(kind())
-    parts = search.parts(features, [features.places[key] for key in found.keys])
+    holdings = Holdings(database._engine)
+    features = holdings.features(kind())
+    parts = holdings.parts(features, [features.places[key] for key in found.keys])
     queries = np.flatnonzero(found.partners.any(axis=1))
     orders: dict[str, Order] = {"descriptor": [], "surface": [], "both": []}
     for i in queries:

@@ -78,7 +78,7 @@ def test_answers_repeat_and_do_not_depend_on_memory(db: Database, folder: Path, 
         batched = Search(again._engine, memory=0)
         question = batched.question(QUERY)
         found = batched.similar(question, Respect(by), 12, "object = 'round' OR subject = 'ben'")
-    assert not batched.in_memory
+    assert not batched.holdings.in_memory
     assert answer(found) == expected
 
 

@@ -105,6 +105,8 @@ class Question:
         Its descriptor; several where it could be described in several ways, of which the nearest counts.
     part : Part or None
         Its surface; None for a grasp that encloses no point.
+    size : ndarray of float32, shape (4,), or None
+        Its extents and the square root of its area [m]; None without a surface.
     hand : Hands or None
         Its hand; None for a part from outside.
     side : str or None
@@ -119,6 +121,7 @@ class Question:
     kind: str | None
     descriptors: NDArray[np.float32]
     part: Part | None
+    size: NDArray[np.float32] | None
     hand: Hands | None
     side: str | None
     contacts: Floats

@@ -11,7 +11,7 @@ from graspdb_queries.engine import Engine
 from graspdb_queries.similar.align import CHUNK, Poses, align, held_poses
 from graspdb_queries.similar.answer import Hit, ScorePart
 from graspdb_queries.similar.chamfer import Chamfer, chamfer
-from graspdb_queries.similar.hands import contact_distances, posture_distances, set_distance, site_names
+from graspdb_queries.similar.hands import contact_distances, posture_in_units, set_distance, site_names
 from graspdb_queries.similar.library import hands_by_key
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.question import Question, Respect
@@ -74,8 +74,7 @@ def verdicts(
             distances["surface"] = 1e3 * where.apart.trimmed
         if hand_parts and question.hand is not None:
             hand = hands[candidate.key]
-            posture = float(posture_distances(question.hand, hand, respect.posture)[0])
-            distances["posture"] = np.degrees(posture) if respect.posture == "angles" else 1e3 * posture
+            distances["posture"] = float(posture_in_units(question.hand, hand, respect.posture)[0])
             distances["sites"] = float(contact_distances(question.hand, hand)[0])
         if where is not None and "contacts" in weights:
             moved = question.contacts @ where.pose[:3, :3].T + where.pose[:3, 3]
