@@ -60,17 +60,17 @@ def part_question(path: Path, scale: float) -> Question:
             "Check --units, or cut out the part that is meant.",
         )
     cloud = _cloud(path, surface, parameters)
-    clouds = [cloud]
-    if surface.faces is None and surface.normals is None:
-        clouds.append(_turned(cloud))
+    oriented = surface.faces is not None or surface.normals is not None
+    clouds = [cloud] if oriented else [cloud, _turned(cloud)]
     described = [_described(one, parameters) for one in clouds]
+    nowhere = np.full((4, 4), np.nan)
     extents = principal_extents(cloud.points, cloud.areas)
     return Question(
         name=str(path),
         kind=KIND,
         descriptors=np.stack([descriptor for _, descriptor in described]),
         size=sizes_of(extents[None], cloud.areas.sum(keepdims=True))[0],
-        part=Part(str(path), cloud.points, cloud.normals, described[0][0], np.full((4, 4), np.nan)),
+        part=Part(str(path), cloud.points, cloud.normals, described[0][0], nowhere, oriented),
         hand=None,
         side=None,
         contacts=np.empty((0, 3)),

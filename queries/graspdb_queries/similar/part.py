@@ -38,6 +38,8 @@ class Part:
         FPFH of the points.
     object_from_hand : ndarray, shape (4, 4)
         Pose of the hand that encloses the part; NaN where there is none.
+    oriented : bool
+        Whether the normals point outwards, rather than to either side.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Part:
     normals: Floats
     histograms: NDArray[np.float32]
     object_from_hand: Floats
+    oriented: bool = True
 
     @property
     def has_hand(self) -> bool:

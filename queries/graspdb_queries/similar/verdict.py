@@ -71,7 +71,7 @@ def verdicts(
             continue  # held by the other hand
         distances = {"descriptor": candidate.descriptor}
         if where is not None:
-            distances["surface"] = 1e3 * where.apart.trimmed
+            distances["surface"] = 1e3 * where.apart.surface
         if hand_parts and question.hand is not None:
             hand = hands[candidate.key]
             distances["posture"] = float(posture_in_units(question.hand, hand, respect.posture)[0])
@@ -99,7 +99,7 @@ def lay(query: Part | None, candidates: Sequence[Part], mode: str) -> dict[str, 
     if query is None or not candidates:
         return {}
     groups = [candidates[i : i + CHUNK] for i in range(0, len(candidates), CHUNK)]
-    for cached in (query.sparse, query.dense, query.axes, query.tree, query.scored):
+    for cached in (query.sparse, query.dense, query.axes, query.tree, query.scored, query.scored_normals):
         del cached  # made once, before threads share the query
 
     def work(group: Sequence[Part]) -> list[tuple[str, Laid]]:
