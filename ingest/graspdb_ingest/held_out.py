@@ -16,6 +16,7 @@ from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, prepare_hand
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.fit import visible
+from graspdb_ingest.tracking.skin import hidden_marker
 from graspdb_ingest.trial import follow
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError
@@ -98,7 +99,7 @@ class Pass:
         track = follow(hand, shown, rate, self.parameters)
         for gap in gaps:
             frames = slice(gap.start, gap.stop)
-            predicted = hand.hand.forward(track.q[frames]).markers[:, gap.marker]
+            predicted = hidden_marker(hand.hand, track.q, shown, gap.marker, frames, rate)
             distance = np.linalg.norm(predicted - markers[frames, gap.marker], axis=1)
             yield GapError(
                 subject=self.subject.name,

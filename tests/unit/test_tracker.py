@@ -6,18 +6,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from graspdb_ingest.hand import HandModel, HandPose
+from graspdb_ingest.hand import HandDimensions, HandModel, HandPose, build_hand
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_schemas.errors import TrackingError
-from graspdb_schemas.vocabulary import TIPS, Side
+from graspdb_schemas.manifest import MarkerPlacement
+from graspdb_schemas.vocabulary import DIGITS, FINGERS, SEGMENT_OF_SITE, SITES, TIPS, Side
 
 SIDES = (Side.RIGHT, Side.LEFT)
 RATE = 120.0
 N_FRAMES = 360
 NOISE = 0.001
 PARAMETERS = TrackingParameters(marker_sd=NOISE)
+PROXIMAL_JOINT = {"thumb": "thumb_mcp", **{finger: f"{finger}_pip" for finger in FINGERS}}
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,11 @@ class Simulated:
     markers: np.ndarray
 
 
-def simulate(hand: HandModel, seed: int) -> Simulated:
-    """Move a hand smoothly, all joints within their limits, and see its markers with noise."""
+def simulate(hand: HandModel, seed: int, coupled: bool = False) -> Simulated:
+    """Move a hand smoothly, all joints within their limits, and see its markers with noise.
+
+    Joints move each for itself and more than usual, or, coupled, as the prior says that they do.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(N_FRAMES) / RATE
 
@@ -46,7 +51,9 @@ def simulate(hand: HandModel, seed: int) -> Simulated:
     start = Rotation.random(rng=rng)
     q[:, 3:7] = (start * Rotation.from_rotvec(0.6 * waves(3))).as_quat(scalar_first=True)
     margin = np.deg2rad(2) * np.array([1, -1])
-    q[:, 7:] = np.clip(prior.mean + spread * waves(hand.n_dof - 6), *(hand.joint_range + margin).T)
+    moved = waves(hand.n_dof - 6)
+    moved = moved @ np.linalg.cholesky(prior.covariance).T if coupled else spread * moved
+    q[:, 7:] = np.clip(prior.mean + moved, *(hand.joint_range + margin).T)
     pose = hand.forward(q)
     return Simulated(hand, q, pose, pose.markers + rng.normal(0, NOISE, pose.markers.shape))
 
@@ -248,3 +255,43 @@ def test_marker_with_one_coordinate_missing_was_not_seen(simulated):
 def test_more_noise_gives_larger_standard_deviations(simulated, track):
     noisy = follow(simulated.hand, simulated.markers, TrackingParameters(marker_sd=3 * NOISE))
     assert np.all(noisy.q_sd[60:, 6:].mean(axis=0) > track.q_sd[60:, 6:].mean(axis=0))
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_three_markers_on_the_hand_and_two_a_digit_are_enough(side):
+    at = {site: MarkerPlacement(SEGMENT_OF_SITE[site], at=site) for site in SITES}
+    few = {site: at[site] for digit in DIGITS for site in (f"{digit}_tip", PROXIMAL_JOINT[digit])}
+    sign = 1 if side == Side.RIGHT else -1
+    plate = ((-0.01, 0.03), (0.03, 0.0), (-0.01, -0.03))
+    back = {
+        f"hand_{i}": MarkerPlacement("hand", offset=(0.05 + x, sign * y, 0.02))
+        for i, (x, y) in enumerate(plate)
+    }
+    hand = build_hand(HandDimensions(0.19, 0.084), side, {**back, **few})
+    moved = simulate(hand, seed=4, coupled=True)
+    found = follow(hand, moved.markers)
+    assert found.tracked.all()
+    error = site_errors(found, moved)
+    assert error[:, TIPS].mean() < 0.003
+    assert error.mean() < 0.003
+    assert (error < 2 * found.sites_sd).mean() > 0.93
+
+
+def test_a_hand_tracked_backwards_in_time_is_the_same_hand(simulated, track):
+    backwards = follow(simulated.hand, simulated.markers[::-1])
+    apart = np.linalg.norm(backwards.sites[::-1] - track.sites, axis=2)
+    # linearised at other predictions, and started at the other end
+    assert np.median(apart) < 5e-5
+    assert apart.mean() < 2e-4
+
+
+def test_a_hand_without_any_marker_for_a_while_is_found_again_and_says_how_unsure_it_was(simulated, track):
+    markers = simulated.markers.copy()
+    markers[150:190] = np.nan
+    found = follow(simulated.hand, markers)
+    assert not found.used[150:190].any()
+    assert found.tracked.all()
+    assert found.sites_sd[170].mean() > 5 * track.sites_sd[170].mean()
+    error = site_errors(found, simulated)
+    assert (error[150:190] < 2 * found.sites_sd[150:190]).mean() > 0.9
+    assert error[200:].mean() < 1.1 * site_errors(track, simulated)[200:].mean()

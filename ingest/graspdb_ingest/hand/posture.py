@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import multigammaln
 
 from graspdb_ingest.hand.model import HandModel
 from graspdb_schemas.vocabulary import FINGERS
@@ -35,6 +36,9 @@ NEIGHBOURING_FINGERS: Final = 0.75
 FLEXIONS: Final = ("mcp_flexion", "pip_flexion", "dip_flexion")
 FLEXIONS_OF_A_FINGER: Final = np.array([[1.0, 0.35, 0.30], [0.35, 1.0, 0.80], [0.30, 0.80, 1.0]])
 """Correlation of a finger's mcp, pip and dip flexion."""
+
+DEFAULT_WEIGHTS: Final = tuple(2.0**power for power in range(9))
+"""As how many postures the default's covariance may count, beside those that were seen."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +90,8 @@ def learned_prior(
 ) -> PosturePrior:
     """Return the prior that a default one becomes after postures have been seen.
 
-    The conjugate (normal and inverse Wishart) posterior: the default counts as one posture for the
-    mean and, for the covariance, as the fewest for which an inverse Wishart distribution has a
-    mean, the number of joints and two more. Postures are seldom known exactly, so their own
+    The conjugate (normal and inverse Wishart) posterior mean. The default counts as one posture for the
+    mean and as `_default_weight` of them for the covariance. Postures are seldom known exactly, so their own
     covariances are part of the spread (expectation maximisation's second step); a joint that no
     marker shows then keeps the spread it had.
 
@@ -108,12 +111,32 @@ def learned_prior(
     PosturePrior
         The prior for this hand.
     """
-    n_default = angles.shape[1] + 2
     found = angles.mean(axis=0)
     mean = (default.mean + n_independent * found) / (1 + n_independent)
     about, off = angles - found, found - default.mean
-    scatter = about.T @ about / len(angles) + spreads.mean(axis=0)
-    total = n_default * default.covariance + n_independent * scatter
-    total += n_independent / (1 + n_independent) * np.outer(off, off)
-    covariance = total / (n_default + n_independent)
+    scatter = n_independent * (about.T @ about / len(angles) + spreads.mean(axis=0))
+    scatter += n_independent / (1 + n_independent) * np.outer(off, off)
+    weight = _default_weight(default.covariance, scatter, n_independent)
+    covariance = (weight * default.covariance + scatter) / (weight + n_independent)
     return PosturePrior(mean=mean, covariance=(covariance + covariance.T) / 2)
+
+
+def _default_weight(
+    default: NDArray[np.float64], scatter: NDArray[np.float64], n_independent: float
+) -> float:
+    """Return as how many postures the default's covariance counts: the weight with the greatest evidence.
+
+    Of an inverse Wishart distribution with the default as its mean: w = degrees of freedom - joints - 1.
+    Its marginal likelihood (Gelman et al., Bayesian Data Analysis, section 3.6) is near its greatest at w if
+    the hand's postures differ from the default about as much as w postures drawn from it would.
+    """
+    n_joints = len(default)
+
+    def evidence(weight: float) -> float:
+        freedom = weight + n_joints + 1
+        _, before = np.linalg.slogdet(weight * default)
+        _, after = np.linalg.slogdet(weight * default + scatter)
+        gained = multigammaln((freedom + n_independent) / 2, n_joints) - multigammaln(freedom / 2, n_joints)
+        return float(freedom * before - (freedom + n_independent) * after) / 2 + float(gained)
+
+    return max(DEFAULT_WEIGHTS, key=evidence)
