@@ -51,7 +51,7 @@ def part_question(path: Path, scale: float) -> Question:
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
     parameters = CloudParameters()
-    surface = load_surface(path, scale)
+    surface = load_surface(path, scale, whole=False)
     largest = float(surface.extents.max())
     if largest > LARGEST_PART:
         raise ObjectError(

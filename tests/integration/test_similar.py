@@ -126,6 +126,7 @@ def test_a_moved_part_from_a_file_finds_its_object(
     assert [hit.grasp for hit in here.hits] == [hit.grasp for hit in there.hits]
     assert [hit.cost for hit in here.hits] == pytest.approx([hit.cost for hit in there.hits], abs=0.02)
     assert here.hits[0].object == "round"
+    assert here.hits[0].parts[0].distance < 0.5  # also of this hollow part the side that is out is kept
 
 
 @pytest.mark.parametrize("where", REFUSED)

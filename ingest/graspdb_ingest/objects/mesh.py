@@ -57,7 +57,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def load_surface(path: Path, scale: float = 1.0) -> Surface:
+def load_surface(path: Path, scale: float = 1.0, whole: bool = True) -> Surface:
     """Read an object's mesh (STL, OBJ, PLY, GLB, OFF) or cloud (PLY, PCD), check it and mend what is safe.
 
     Parameters
@@ -66,6 +66,9 @@ def load_surface(path: Path, scale: float = 1.0) -> Surface:
         The file.
     scale : float
         Factor from the file's numbers to metres.
+    whole : bool
+        Whether the file holds all of an object, which says which side of a surface that is not closed is
+        out. Of a part the sides are those of the file.
 
     Returns
     -------
@@ -84,11 +87,13 @@ def load_surface(path: Path, scale: float = 1.0) -> Surface:
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
     geometry = read_geometry(path)
     if geometry.faces is None:
-        return _cloud_surface(path, geometry, scale)
-    return _mesh_surface(path, geometry, geometry.faces, scale)
+        return _cloud_surface(path, geometry, scale, whole)
+    return _mesh_surface(path, geometry, geometry.faces, scale, whole)
 
 
-def _mesh_surface(path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float) -> Surface:
+def _mesh_surface(
+    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, whole: bool
+) -> Surface:
     used = np.unique(faces)
     broken = int(np.count_nonzero(~np.isfinite(geometry.vertices[used]).all(axis=1)))
     if broken:
@@ -97,7 +102,7 @@ def _mesh_surface(path: Path, geometry: Geometry, faces: NDArray[np.int64], scal
         )
     _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale)
     vertices = np.where(np.isfinite(geometry.vertices), geometry.vertices, 0.0) * scale
-    mended = mend(vertices, faces)
+    mended = mend(vertices, faces, whole)
     mesh, warnings = mended.mesh, list(mended.warnings)
     if not len(mesh.faces) or mesh.area <= 0:
         raise ObjectError(path, "its faces have no area", "Export a surface, not lines or single points.")
@@ -117,7 +122,7 @@ def _mesh_surface(path: Path, geometry: Geometry, faces: NDArray[np.int64], scal
     )
 
 
-def _cloud_surface(path: Path, geometry: Geometry, scale: float) -> Surface:
+def _cloud_surface(path: Path, geometry: Geometry, scale: float, whole: bool) -> Surface:
     finite = np.asarray(np.isfinite(geometry.vertices).all(axis=1))
     points = geometry.vertices[finite] * scale
     if len(points) < 4:
@@ -133,7 +138,7 @@ def _cloud_surface(path: Path, geometry: Geometry, scale: float) -> Surface:
             arms = points - points.mean(axis=0)
             flow = np.einsum("ni,ni->", normals, arms)
             # As for an open mesh: only a clear majority says which side is out.
-            if flow < -0.1 * np.linalg.norm(arms, axis=1).sum():
+            if whole and flow < -0.1 * np.linalg.norm(arms, axis=1).sum():
                 normals = -normals
                 warnings.append("all normals inside out: turned outward")
         else:
