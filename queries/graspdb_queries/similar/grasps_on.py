@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from graspdb_queries.similar.align import CHUNK
-from graspdb_queries.similar.answer import ScorePart
 from graspdb_queries.similar.holdings import Holdings
 from graspdb_queries.similar.library import Features, features_by_key, flat
 from graspdb_queries.similar.metric import Metric
@@ -16,6 +15,7 @@ from graspdb_queries.similar.onto import Fit, HeldFeature, gaps, hull_planes, la
 from graspdb_queries.similar.placed import GraspsOn, PlacedGrasp
 from graspdb_queries.similar.places import LEAST_POINTS, NewObject, Rows, places_on
 from graspdb_queries.similar.question import MILLIMETRE, Weight
+from graspdb_queries.similar.score import ScorePart
 from graspdb_queries.similar.threads import in_threads
 from graspdb_queries.similar.where import check_filter
 from graspdb_schemas.errors import QueryError

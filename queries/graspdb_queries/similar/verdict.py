@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from graspdb_queries.engine import Engine
 from graspdb_queries.similar.align import CHUNK, Poses, align, held_poses
-from graspdb_queries.similar.answer import Hit, ScorePart
+from graspdb_queries.similar.answer import Hit
 from graspdb_queries.similar.chamfer import Chamfer, chamfer
 from graspdb_queries.similar.hands import contact_distances, posture_in_units, set_distance, site_names
 from graspdb_queries.similar.library import hands_by_key
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.question import Question, Respect
+from graspdb_queries.similar.score import ScorePart
 from graspdb_queries.similar.threads import in_threads
 
 Floats = NDArray[np.float64]
