@@ -147,8 +147,10 @@ class HandFilter:
         """Return a state at a fitted configuration, at rest, with the spread of any hand."""
         return State(q, np.zeros(self._n), to_blocks(self._motion.stationary))
 
-    def predict(self, state: State) -> State:
+    def predict(self, state: State, activity: Floats | None = None) -> State:
         """Return the state one step later.
+
+        `activity` are factors on the standard deviation of the process noise, shape (n_dof,).
 
         The free joint's own axes turn by the small angle of a step meanwhile; that second-order
         turn of its covariance is left out.
@@ -156,7 +158,7 @@ class HandFilter:
         offset = np.zeros(self._n)
         np.subtract(state.q[SEVEN:], self._prior.mean, out=offset[FREE:])
         change, velocity = self._motion.predict_mean(offset, state.velocity)
-        blocks = self._motion.predict_covariance(state.blocks)
+        blocks = self._motion.predict_covariance(state.blocks, activity)
         return State(self._hand.integrate(state.q, change), velocity, blocks)
 
     def update(

@@ -55,7 +55,12 @@ class Follower:
         self._doubtful = 0
         self._unseen = 0
 
-    def step(self, observed: Floats, readings: JointReadings | None = None) -> Followed:
+    def step(
+        self,
+        observed: Floats,
+        readings: JointReadings | None = None,
+        activity: Floats | None = None,
+    ) -> Followed:
         """Take one frame.
 
         Parameters
@@ -64,6 +69,8 @@ class Follower:
             Marker positions [m], NaN where not seen.
         readings : JointReadings, optional
             Joint angles that were measured besides.
+        activity : ndarray, shape (n_dof,), optional
+            Factors on the standard deviation of the process noise.
         """
         seen = visible(observed)
         n_seen = np.count_nonzero(seen)
@@ -72,7 +79,7 @@ class Follower:
             self._state = None
         if self._state is None:
             return self._start(observed, readings)
-        predicted = self._filter.predict(self._state)
+        predicted = self._filter.predict(self._state, activity)
         update = self._filter.update(predicted, observed, readings=readings, seen=seen)
         rejected = n_seen - np.count_nonzero(update.used)
         self._doubtful = self._doubtful + 1 if 2 * rejected > n_seen else 0
@@ -150,6 +157,7 @@ def follow(
     markers: Floats,
     glove: GloveMeasurement | None,
     forward: ForwardPass,
+    activity: Floats | None = None,
 ) -> Iterator[Stretch]:
     """Run the filter over a recording and yield every stretch in which the hand was not lost.
 
@@ -163,6 +171,8 @@ def follow(
         Joint angles of a data glove.
     forward : ForwardPass
         Memory for a stretch as long as the recording.
+    activity : ndarray, shape (n_frames, n_dof), optional
+        Factors on the standard deviation of the process noise.
     """
     qs: list[Floats] = []
     used: list[Bools] = []
@@ -171,7 +181,7 @@ def follow(
         followed = Followed(None, None)
         if i < len(markers):
             readings = None if glove is None else glove.frame(i)
-            followed = follower.step(markers[i], readings)
+            followed = follower.step(markers[i], readings, None if activity is None else activity[i])
         if qs and (followed.started or followed.update is None):
             yield Stretch(i - len(qs), np.array(qs), np.array(used), np.array(limits), forward)
             forward.clear()

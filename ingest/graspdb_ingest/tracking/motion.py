@@ -79,9 +79,26 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_covariance(self, covariance: Blocks) -> Blocks:
-        """Return A P A^T + Q."""
-        return _congruent(covariance, self._forward, self._noise_blocks[1:])
+    def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
+        """Return A P A^T + D Q D, with D the factors on the noise's standard deviation, one a dof."""
+        noise = self._noise_blocks[1:]
+        if activity is not None:
+            noise = noise * np.outer(activity, activity)
+        return _congruent(covariance, self._forward, noise)
+
+    def disturbance(
+        self, adjoint: Floats, matrix: Blocks, activity: Floats | None = None
+    ) -> tuple[Floats, Floats]:
+        """Return a^T Q a and tr(Q X), each shared out among the degrees of freedom, shape (n_dof,).
+
+        With adjoint vector and matrix of a prediction, they are the squared size of the smoothed
+        disturbance that led to it, w^T Q^-1 w, and the number of disturbances that the data tell.
+        """
+        factors = np.ones(len(self.position_position)) if activity is None else activity
+        felt = (adjoint.reshape(2, -1) * factors).reshape(-1)
+        squared = (felt * (self.noise @ felt)).reshape(2, -1).sum(axis=0)
+        determined = ((self._noise_blocks * matrix) @ factors).sum(axis=0) * factors
+        return squared, determined
 
     def adjoint(self, vector: Floats) -> Floats:
         """Return A^T x, shape (2 * n_dof,)."""

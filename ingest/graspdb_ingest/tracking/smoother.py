@@ -41,11 +41,30 @@ class Smoothed:
         What to add to the filter's predicted configurations, in the degrees of freedom.
     covariance : ndarray, shape (n, n_dof, n_dof)
         Covariance of the positions.
+    disturbances : Disturbances
+        What disturbed the movement to these frames.
     """
 
     frames: slice
     step: Floats
     covariance: Floats
+    disturbances: "Disturbances"
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """What moved a hand otherwise than the motion model says, as the smoother sees it.
+
+    Attributes
+    ----------
+    squared : ndarray, shape (n, n_dof)
+        Squared size of each frame's disturbance over its variance, summed to w^T Q^-1 w.
+    determined : ndarray, shape (n, n_dof)
+        How many of the disturbances the data tell: from 0 to 2 a degree of freedom.
+    """
+
+    squared: Floats
+    determined: Floats
 
 
 class ForwardPass:
@@ -118,25 +137,34 @@ class ForwardPass:
         """Return what a frame's adjoint adds to its predicted configuration, in the degrees of freedom."""
         return np.asarray(-(adjoint @ self._columns[frame]))
 
-    def smooth(self, motion: MotionModel) -> Iterator[Smoothed]:
+    def smooth(self, motion: MotionModel, activity: Floats | None = None) -> Iterator[Smoothed]:
         """Yield the smoothed frames, block by block, the last block first.
 
         Parameters
         ----------
         motion : MotionModel
             The step between frames that the forward pass predicted with.
+        activity : ndarray, shape (n, n_dof), optional
+            Factors on the standard deviation of the process noise that it had.
         """
         n, stop = self._weighted.shape[1], self._length
         adjoints, products = np.empty((BLOCK, 1, 2 * n)), np.empty((BLOCK, 2 * n, n))
+        squared, determined = np.empty((2, BLOCK, n))
         for i, adjoint, matrix in self.backward(motion):
             place = i % BLOCK
             adjoints[place] = adjoint
+            factors = None if activity is None else activity[i]
+            squared[place], determined[place] = motion.disturbance(adjoint, matrix, factors)
+            if i == 0:  # nothing led to the first frame
+                squared[0] = determined[0] = 0.0
             _times(matrix, self._columns[i].astype(float, copy=False), out=products[place])
             if place == 0:
                 length, left = stop - i, self._columns[i:stop].astype(float, copy=False)
                 covariance = left.transpose(0, 2, 1) @ products[:length]
                 np.subtract(left[:, :n], covariance, out=covariance)
-                yield Smoothed(slice(i, stop), -(adjoints[:length] @ left)[:, 0], covariance)
+                step = -(adjoints[:length] @ left)[:, 0]
+                found = Disturbances(squared[:length].copy(), determined[:length].copy())
+                yield Smoothed(slice(i, stop), step, covariance, found)
                 stop = i
 
 

@@ -1,4 +1,4 @@
-"""A hand followed through a recording: forward, backward, and once more without faulty markers."""
+"""A hand followed through a recording: forward and backward, until faults and liveliness are known."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -9,6 +9,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.activity import next_activity, parts_of
 from graspdb_ingest.tracking.faults import (
     Fault,
     find_breaks,
@@ -22,7 +23,7 @@ from graspdb_ingest.tracking.fit import SEVEN, visible
 from graspdb_ingest.tracking.following import Stretch, follow, make_follower
 from graspdb_ingest.tracking.glove import GloveMeasurement
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model
-from graspdb_ingest.tracking.smoother import ForwardPass, Smoothed
+from graspdb_ingest.tracking.smoother import Disturbances, ForwardPass, Smoothed
 from graspdb_schemas.errors import TrackingError
 from graspdb_schemas.vocabulary import N_SITES
 
@@ -89,8 +90,8 @@ def track_hand(
 ) -> HandTrack:
     """Follow a hand through a recording.
 
-    The recording is passed forward and backward. Where markers turn out faulty, or those that were
-    suspected turn out right, it is passed once more.
+    A first pass forward and backward shows which markers are faulty. A second one, without them, and the
+    first say how lively the hand moves from moment to moment; the last one knows both.
 
     Parameters
     ----------
@@ -135,7 +136,8 @@ def track_hand(
     kept = without(markers, frozen)
     suspects = find_breaks(kept, rate, float(deviations.max()))
     trusted = without(kept, [replace(suspect, kind="jumping") for suspect in suspects])
-    track = passes.track(markers, trusted)
+    usual = np.ones((len(markers), hand.n_dof))
+    track, disturbances = passes.track(markers, trusted, usual)
     modelled = markers - track.residuals
     rejected = visible(trusted) & ~track.used
     swaps = list(find_swaps(trusted, modelled, rejected))
@@ -146,11 +148,13 @@ def track_hand(
         *swaps,
         *find_drifts(put_right - modelled, rejected, rate, deviations),
     )
-    repaired = without(markers, faults)
-    if np.array_equal(repaired, trusted, equal_nan=True):
-        return replace(track, faults=faults)
+    repaired, parts = without(markers, faults), parts_of(hand)
+    if not np.array_equal(repaired, trusted, equal_nan=True):
+        disturbances = passes.disturbances(repaired, usual)
+    activity = next_activity(disturbances, parts, rate, usual)
+    activity = next_activity(passes.disturbances(repaired, activity), parts, rate, activity)
     relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
-    return replace(passes.track(relabelled, repaired), faults=faults)
+    return replace(passes.track(relabelled, repaired, activity)[0], faults=faults)
 
 
 def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Floats, Bools]:
@@ -182,18 +186,29 @@ class _Passes:
         self._motion = motion_model(hand, prior, noise, 1 / rate)
         self._forward = ForwardPass(n_frames, hand.n_dof)
 
-    def track(self, relabelled: Floats, repaired: Floats) -> HandTrack:
-        """Return the smoothed track of the repaired markers; residuals are those of all of them."""
-        track = _empty_track(self._hand, relabelled)
-        for stretch in self._stretches(repaired):
-            rows = stretch.rows
-            track.used[rows], track.at_limit[rows] = stretch.used, stretch.at_limit
-            for part in stretch.forward.smooth(self._motion):
-                self._write(track, stretch, part)
-        track.residuals[:] += relabelled
-        return track
+    def track(self, relabelled: Floats, repaired: Floats, activity: Floats) -> tuple[HandTrack, Disturbances]:
+        """Return the smoothed track of the repaired markers, and what disturbed it.
 
-    def _stretches(self, markers: Floats) -> Iterator[Stretch]:
+        Residuals are those of all markers; `activity` are factors on the standard deviation of the process
+        noise, shape (n_frames, n_dof).
+        """
+        track, disturbances = _empty_track(self._hand, relabelled), _no_disturbances(activity.shape)
+        for stretch, part, rows in self._smoothed(repaired, activity):
+            track.used[stretch.rows], track.at_limit[stretch.rows] = stretch.used, stretch.at_limit
+            self._write(track, stretch, part)
+            _note(disturbances, part, rows)
+        track.residuals[:] += relabelled
+        return track, disturbances
+
+    def disturbances(self, markers: Floats, activity: Floats) -> Disturbances:
+        """Return what disturbed the movement, zero where the hand is not known."""
+        disturbances = _no_disturbances(activity.shape)
+        for _, part, rows in self._smoothed(markers, activity):
+            _note(disturbances, part, rows)
+        return disturbances
+
+    def _smoothed(self, markers: Floats, activity: Floats) -> Iterator[tuple[Stretch, Smoothed, slice]]:
+        """Yield smoothed blocks with the stretch that each is part of and its frames in the recording."""
         follower = make_follower(
             self._kinematics,
             self._motion,
@@ -204,7 +219,10 @@ class _Passes:
             self._marker_sd,
         )
         self._forward.clear()
-        return follow(follower, markers, self._glove, self._forward)
+        for stretch in follow(follower, markers, self._glove, self._forward, activity):
+            for part in stretch.forward.smooth(self._motion, activity[stretch.rows]):
+                first, last = stretch.first + part.frames.start, stretch.first + part.frames.stop
+                yield stretch, part, slice(first, last)
 
     def _write(self, track: HandTrack, stretch: Stretch, part: Smoothed) -> None:
         """Write a block of smoothed frames into the track, with the sites' standard deviations."""
@@ -224,6 +242,15 @@ class _Passes:
         rows = slice(stretch.first + part.frames.start, stretch.first + part.frames.stop)
         track.q_sd[rows] = np.sqrt(np.diagonal(part.covariance, axis1=1, axis2=2))
         track.sites_sd[rows] = np.sqrt(variance.reshape(-1, N_SITES, 3).sum(axis=2))
+
+
+def _no_disturbances(shape: tuple[int, ...]) -> Disturbances:
+    return Disturbances(np.zeros(shape), np.zeros(shape))
+
+
+def _note(disturbances: Disturbances, part: Smoothed, rows: slice) -> None:
+    disturbances.squared[rows] = part.disturbances.squared
+    disturbances.determined[rows] = part.disturbances.determined
 
 
 def _empty_track(hand: HandModel, markers: Floats) -> HandTrack:
