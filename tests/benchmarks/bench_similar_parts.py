@@ -55,10 +55,12 @@ def _results(database: Database, shares: dict[str, Floats], strict: bool) -> lis
     mean = {by: float(np.mean(values)) for by, values in found.items()}
     where = "other subject and object" if strict else "other subject"
     note = f"{where}; {len(found['feature'])} queries; clearly above the peer"
-    return [
+    results = [
         Result(f"same part, {where}, peer: {peer}", mean["feature"], mean[peer], "mAP", "more", note)
         for peer in ("random", "size", "posture")
     ]
+    every = f"{where}; feature, posture and contacts together; peer: posture"
+    return [*results, Result(f"same part, {where}, all", mean["all"], mean["posture"], "mAP", "more", every)]
 
 
 def shares_of_parts(database: Database, bodies: Sequence[SimulatedObject]) -> dict[str, Floats]:
@@ -101,7 +103,7 @@ def precisions(database: Database, shares: dict[str, Floats], strict: bool) -> d
     described = {row["grasp"]: row for row in rows.table.to_pylist()}
     sizes = {key: np.append(row["extents"], np.sqrt(row["area"])) for key, row in described.items()}
     rng = np.random.default_rng(0)
-    found: dict[str, list[float]] = {"feature": [], "posture": [], "size": [], "random": []}
+    found: dict[str, list[float]] = {by: [] for by in ("feature", "posture", "all", "size", "random")}
     for key, share in shares.items():
         mine = described[key]
         others = [
@@ -113,7 +115,7 @@ def precisions(database: Database, shares: dict[str, Floats], strict: bool) -> d
         wanted = np.array([np.minimum(share, shares[other]).sum() >= SHARED for other in others])
         if not wanted.any():
             continue
-        for by in ("feature", "posture"):
+        for by in ("feature", "posture", "all"):
             ranks = {hit.grasp: hit.rank for hit in database.similar(key, 1000, by=by).hits}
             costs = [float(ranks.get(other, len(ranks) + 1)) for other in others]
             found[by].append(_average_precision(wanted, costs))

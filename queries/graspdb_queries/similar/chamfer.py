@@ -11,11 +11,11 @@ from graspdb_queries.similar.part import Part
 
 Floats = NDArray[np.float64]
 
-TILT: Final = 0.0075
+TILT: Final = 0.010
 """Distance that a tilt of one radian between surfaces counts with [m].
 
 Root mean square distance of two discs that cross in a diameter, for each radian: half of their radius. The
-radius is that of the neighbourhoods which describe a point, 15 mm.
+radius is that of the neighbourhoods which describe a point, 20 mm.
 """
 
 
