@@ -275,10 +275,13 @@ class Database:
             `k` or `scale` is out of range.
         """
         _check_count(k)
+        from graspdb.similar import KIND
         from graspdb.similar import new_object as read_object
-        from graspdb_queries.similar.grasps_on import grasps_on
+        from graspdb_queries.similar.grasps_on import feature_sizes, grasps_on
 
-        return grasps_on(self._search, read_object(Path(new_object), scale), k, where)
+        holdings = self._search.holdings
+        feature_sizes(holdings, KIND, where)
+        return grasps_on(holdings, read_object(Path(new_object), scale), k, where)
 
     def info(self) -> Info:
         """Return what the database holds."""

@@ -30,7 +30,7 @@ from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import load_surface
 from graspdb_ingest.parameters import CloudParameters, IngestParameters
 from graspdb_ingest.trial_tables import TrialTables
-from graspdb_queries.similar.library import descriptors_of
+from graspdb_queries.similar.library import descriptors_of, sizes_of
 from graspdb_queries.similar.metric import learn_metric
 from graspdb_schemas.vocabulary import Side
 
@@ -148,6 +148,16 @@ def distances_by_others(found: Gallery, queries: Vectors) -> Floats:
         vectors = metric.vectors(found.descriptors)
         apart[~learned] = _apart(metric.vectors(queries), vectors)[~learned]
     return np.asarray(apart)
+
+
+def size_distances(database: Database, found: Gallery) -> Floats:
+    """Return distances of the features' sizes; the own one is infinite."""
+    rows = database.sql("SELECT grasp, extents, area FROM features").rows()
+    known = {grasp: (extents, area) for grasp, extents, area in rows if grasp in set(found.keys)}
+    sizes = sizes_of(
+        np.array([known[key][0] for key in found.keys]), np.array([known[key][1] for key in found.keys])
+    )
+    return _apart(sizes, sizes)
 
 
 def same_object(found: Gallery, apart: Floats, count: int) -> float:
