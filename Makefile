@@ -30,8 +30,8 @@ lint: setup ## check style and docstrings
 types: setup ## check types
 	.venv/bin/mypy
 
-bench: setup ## run the benchmarks, print a table and write bench.json
-	.venv/bin/python tests/benchmarks/run.py
+bench: setup ## run the benchmarks, or NAME="similar speed" alone; print a table, write bench.json
+	.venv/bin/python tests/benchmarks/run.py $(if $(NAME),"$(NAME)")
 
 docs: setup ## write the pages of docs/ that come from the code
 	.venv/bin/python tools/write_docs.py

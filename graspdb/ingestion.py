@@ -132,7 +132,7 @@ def ingest(
     contexts = {trial.name: prepared.context(described, trial) for trial in todo}
     for rows in _processed(described, todo, contexts, parameters, workers):
         committed = store.commit_trial(rows, force=force)
-        report = _report(rows, committed.outcome)
+        report = trial_report(rows, committed.outcome)
         reports.append(report)
         if progress is not None:
             progress(report, len(todo))
@@ -230,7 +230,8 @@ def _processed(
     yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch=workers)(tasks)
 
 
-def _report(rows: TrialTables, outcome: Outcome) -> TrialReport:
+def trial_report(rows: TrialTables, outcome: Outcome) -> TrialReport:
+    """Return what became of a trial with these rows."""
     row = rows.tables["trials"].to_pylist()[0]
     return TrialReport(row["trial"], outcome, row["status"], tuple(row["reasons"]), row["n_grasps"])
 

@@ -7,17 +7,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.descriptor import describe, descriptor_kind
+from graspdb_ingest.descriptor import describe, describe_features, descriptor_kind, local_features
+from graspdb_ingest.feature import principal_extents
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import Surface, load_surface
 from graspdb_ingest.parameters import CloudParameters
-from graspdb_queries.similar.library import Cloud
+from graspdb_queries.similar.library import Cloud, sizes_of
 from graspdb_queries.similar.metric import Vectors
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.places import NewObject
 from graspdb_queries.similar.question import Question
 from graspdb_schemas.errors import ObjectError
+
+KIND: Final = descriptor_kind(CloudParameters())
+"""Kind of the descriptors made here."""
 
 LEAST_POINTS: Final = 10
 """Fewer points than this, at the spacing of clouds, are no surface to describe."""
@@ -29,7 +33,7 @@ LARGEST_PART: Final = 0.5
 """Largest extent of what a hand encloses [m]."""
 
 
-def part_question(path: Path, scale: float, parameters: CloudParameters | None = None) -> Question:
+def part_question(path: Path, scale: float) -> Question:
     """Return a part of an object, read from a file, as a question.
 
     A cloud without normals is described with either side out, and the nearer counts.
@@ -40,16 +44,14 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
         A cloud (PLY, PCD) or a mesh (STL, OBJ, PLY, GLB, OFF) of the part alone.
     scale : float
         Factor from the file's numbers to metres.
-    parameters : CloudParameters, optional
-        Spacing and radii; the defaults of ingest unless given.
 
     Raises
     ------
     ObjectError
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
-    parameters = parameters or CloudParameters()
-    surface = load_surface(path, scale)
+    parameters = CloudParameters()
+    surface = load_surface(path, scale, whole=False)
     largest = float(surface.extents.max())
     if largest > LARGEST_PART:
         raise ObjectError(
@@ -57,17 +59,18 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
             f"its largest extent is {largest:.4g} m; a hand encloses at most {LARGEST_PART:g} m",
             "Check --units, or cut out the part that is meant.",
         )
-    cloud = _sampled(surface, parameters)
-    _check_points(path, cloud, parameters)
-    clouds = [cloud]
-    if surface.faces is None and surface.normals is None:
-        clouds.append(_turned(cloud))
+    cloud = _cloud(path, surface, parameters)
+    oriented = surface.faces is not None or surface.normals is not None
+    clouds = [cloud] if oriented else [cloud, _turned(cloud)]
     described = [_described(one, parameters) for one in clouds]
+    nowhere = np.full((4, 4), np.nan)
+    extents = principal_extents(cloud.points, cloud.areas)
     return Question(
         name=str(path),
-        kind=descriptor_kind(parameters),
+        kind=KIND,
         descriptors=np.stack([descriptor for _, descriptor in described]),
-        part=Part(str(path), cloud.points, cloud.normals, described[0][0], np.full((4, 4), np.nan)),
+        size=sizes_of(extents[None], cloud.areas.sum(keepdims=True))[0],
+        part=Part(str(path), cloud.points, cloud.normals, described[0][0], nowhere, oriented),
         hand=None,
         side=None,
         contacts=np.empty((0, 3)),
@@ -75,7 +78,7 @@ def part_question(path: Path, scale: float, parameters: CloudParameters | None =
     )
 
 
-def new_object(path: Path, scale: float, parameters: CloudParameters | None = None) -> NewObject:
+def new_object(path: Path, scale: float) -> NewObject:
     """Return a whole object, read from a file, as those of a database are described.
 
     Parameters
@@ -84,39 +87,39 @@ def new_object(path: Path, scale: float, parameters: CloudParameters | None = No
         A mesh (STL, OBJ, PLY, GLB, OFF) or a cloud (PLY, PCD).
     scale : float
         Factor from the file's numbers to metres.
-    parameters : CloudParameters, optional
-        Spacing and radii; the defaults of ingest unless given.
 
     Raises
     ------
     ObjectError
         If the file cannot be read, holds too few points, or its size says that the unit is wrong.
     """
-    parameters = parameters or CloudParameters()
-    cloud = _sampled(load_surface(path, scale), parameters)
-    _check_points(path, cloud, parameters)
+    parameters = CloudParameters()
+    cloud = _cloud(path, load_surface(path, scale), parameters)
     histograms = point_histograms(cloud, parameters)
+    features = local_features(histograms)
 
     def described(rows: NDArray[np.int64]) -> Vectors:
-        return describe(cloud.points[rows], cloud.normals[rows], histograms[rows], cloud.areas[rows])
+        return describe_features(cloud.points[rows], cloud.normals[rows], features[rows], cloud.areas[rows])
 
     return NewObject(
         name=str(path),
-        kind=descriptor_kind(parameters),
+        kind=KIND,
         cloud=Cloud(cloud.points, cloud.normals, histograms),
         area=float(cloud.areas.sum()),
         describe=described,
     )
 
 
-def _check_points(path: Path, cloud: ObjectCloud, parameters: CloudParameters) -> None:
-    """Raise ObjectError if a cloud has too few points."""
+def _cloud(path: Path, surface: Surface, parameters: CloudParameters) -> ObjectCloud:
+    """Return the cloud of a surface from a file; raise ObjectError if it has too few points."""
+    cloud = _sampled(surface, parameters)
     if len(cloud.points) < LEAST_POINTS:
         raise ObjectError(
             path,
             f"{len(cloud.points)} points remain at {1e3 * parameters.spacing:g} mm from each other",
             f"At least {LEAST_POINTS} are needed to describe a surface; check --units.",
         )
+    return cloud
 
 
 def _sampled(surface: Surface, parameters: CloudParameters) -> ObjectCloud:

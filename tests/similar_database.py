@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from graspdb.store import Store
 from graspdb_ingest.descriptor import describe, descriptor_kind
+from graspdb_ingest.feature import principal_extents
 from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.parameters import CloudParameters
@@ -120,6 +121,8 @@ def _trial(i, name, cloud, histograms, points, shape, rng):
         **{column: common[column] for column in ("trial", "session", "object")},
         "grasp": key,
         "points": points.tolist(),
+        "extents": principal_extents(cloud.points[points], cloud.areas[points]).tolist(),
+        "area": float(cloud.areas[points].sum()),
         "descriptor": described_feature.tolist(),
         "descriptor_kind": KIND,
     }

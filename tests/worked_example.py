@@ -101,6 +101,7 @@ def _trial(grasp: Grasp) -> TrialTables:
         "contact_threshold": 0.004,
         "grip_aperture": APERTURES[-1],
         "q": _configuration(grasp.index_mcp, grasp.thumb_ip),
+        "grasp_type": "palmar pinch" if set(grasp.onsets) == {"thumb", "index"} else None,
         "hull_volume": grasp.hull_volume,
         "box_volume": 2 * grasp.hull_volume,
         "ellipsoid_volume": 3 * grasp.hull_volume,

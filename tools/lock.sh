@@ -11,7 +11,7 @@ trap 'rm -rf "$scratch"' EXIT
 "$scratch/bin/python" -m pip install --quiet --disable-pip-version-check uv
 
 compile() {
-    "$scratch/bin/uv" pip compile --quiet --universal --python-version 3.11 --extra test --upgrade \
+    "$scratch/bin/uv" pip compile --quiet --universal --python-version 3.11 --extra test --extra bench --upgrade \
         --no-emit-index-url --custom-compile-command 'make lock' "$@" pyproject.toml >/dev/null
 }
 compile --output-file constraints.txt

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Make a virtual environment with graspdb, its tests and everything that both need.
+# Make a virtual environment with graspdb, its tests and benchmarks, and everything that they need.
 # Does nothing where that is already there, so every target of the Makefile may call it.
 #
 #   tools/setup.sh [FOLDER [CONSTRAINTS]]     .venv and constraints.txt unless given
@@ -91,7 +91,7 @@ echo "setup: making $venv with $("$python" --version) and the versions in $const
 install=("$venv/bin/python" -m pip install --quiet --no-input --disable-pip-version-check --constraint "$constraints")
 # The build backend comes first, so that it too has the version in the constraints.
 "${install[@]}" hatchling
-"${install[@]}" --no-build-isolation --editable '.[test]'
+"${install[@]}" --no-build-isolation --editable '.[test,bench]'
 "$venv/bin/python" -c 'import open3d' ||
     stop "Open3D cannot be loaded; the lines above name the reason. Install the package that has the library and run again."
 fingerprint >"$stamp"

@@ -82,12 +82,7 @@ def similar(
     its parts, each a distance over the distance that costs one, times a weight; zero is the query itself.
     With --object grasps are laid onto the object of a file, and --json gives the hands in its frame.
     """
-    if sum(given is not None for given in (grasp, cloud, whole)) != 1:
-        raise typer.BadParameter("give one of a GRASP, --cloud FILE and --object FILE", param_hint="GRASP")
-    if whole is not None and (by, mode, posture) != (By.FEATURE, Mode.SHAPE, Posture.SCALED):
-        raise typer.BadParameter(
-            "with --object grasps are compared by feature and shape", param_hint="--object"
-        )
+    _check(grasp, cloud, whole, (by, mode, posture))
     from graspdb.database import Database
     from graspdb_schemas.units import METRES_PER
 
@@ -97,26 +92,28 @@ def similar(
         if whole is not None:
             found = database.similar_on(whole, k, where=where, scale=scale)
         else:
-            found = database.similar(
-                grasp,
-                k,
-                by=by.value,
-                mode=mode.value,
-                posture=posture.value,
-                where=where,
-                cloud=cloud,
-                scale=scale,
-            )
+            compared = {"by": by.value, "mode": mode.value, "posture": posture.value}
+            found = database.similar(grasp, k, **compared, where=where, cloud=cloud, scale=scale)
+    _show(found, as_json)
+
+
+def _check(grasp: str | None, cloud: Path | None, whole: Path | None, compared: tuple[object, ...]) -> None:
+    """Raise BadParameter unless one thing is asked about, in a respect in which it can be compared."""
+    if sum(given is not None for given in (grasp, cloud, whole)) != 1:
+        raise typer.BadParameter("give one of a GRASP, --cloud FILE and --object FILE", param_hint="GRASP")
+    if whole is not None and compared != (By.FEATURE, Mode.SHAPE, Posture.SCALED):
+        raise typer.BadParameter(
+            "with --object grasps are compared by feature and shape", param_hint="--object"
+        )
+
+
+def _show(found: "Similar | GraspsOn", as_json: bool) -> None:
+    """Print the hits, then what the search was; or all as JSON."""
     if as_json:
         import json
 
         typer.echo(json.dumps(found.as_json(), allow_nan=False))
         return
-    _show(found)
-
-
-def _show(found: "Similar | GraspsOn") -> None:
-    """Print the hits, then what the search was."""
     from graspdb.output import write_rows
 
     write_rows(found.table().table.to_reader(), "table", None)

@@ -9,7 +9,7 @@ import numpy as np
 
 from graspdb.simulate.force_panels import write_pressure
 from graspdb.simulate.glove import draw_glove, write_glove
-from graspdb.simulate.grasps import Grasp
+from graspdb.simulate.grasps import VARIETY, Grasp
 from graspdb.simulate.kinds import PLANS, Plan
 from graspdb.simulate.measurement import NoiseParameters
 from graspdb.simulate.motion import Motion
@@ -37,11 +37,14 @@ class SimulatedSession:
         Names of the trials.
     truth : SessionTruth
         What really happened.
+    objects : tuple of SimulatedObject
+        The objects.
     """
 
     path: Path
     trials: tuple[str, ...]
     truth: SessionTruth
+    objects: tuple[SimulatedObject, ...]
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ def simulate_session(
     kinds: Iterable[str] | None = None,
     gloves: bool = False,
     proportion_sd: float = 0.0,
+    variety: float = VARIETY,
 ) -> SimulatedSession:
     """Write a session of simulated recordings, and the truth beside it.
 
@@ -91,6 +95,10 @@ def simulate_session(
     proportion_sd : float
         Relative spread of bones' lengths about the proportions that ingest starts from; with zero,
         hands have those very proportions.
+    variety : float
+        How far people's own ways of grasping are from the plan of a kind, and so from each other, as for
+        `find_grasp`. With 1 the hands of two people in a grasp of one kind differ as those of real grasps
+        of one place do; unless given they differ less, and kinds are easy to tell apart by posture.
 
     Returns
     -------
@@ -109,6 +117,8 @@ def simulate_session(
     _check(folder, subjects, trials, seed, experiment, rate)
     if not 0 <= proportion_sd <= 0.1:
         raise ParameterError("proportion_sd", proportion_sd, "0 to 0.1")
+    if not 0 <= variety <= 3:
+        raise ParameterError("variety", variety, "0 to 3")
     bodies = _draw_objects(experiment, objects, seed)
     tasks = list(_tasks(bodies, kinds, trials))
     folder.mkdir(parents=True, exist_ok=True)
@@ -118,7 +128,8 @@ def simulate_session(
     entries: list[TrialEntry] = []
     for number, subject in enumerate(people):
         worn = _generator(seed, 3, number)
-        for simulated, true in _subject_trials(folder, subject, tasks, noise, rate, (seed, 2, number)):
+        stream = (seed, 2, number)
+        for simulated, true in _subject_trials(folder, subject, tasks, noise, rate, stream, variety):
             entry, truth = _with_glove(folder, simulated, true, noise, worn) if gloves else (simulated, true)
             save_trial(folder, truth)
             entries.append(entry)
@@ -128,7 +139,7 @@ def simulate_session(
     write_manifest(folder, f"simulated-{experiment.replace('_', '-')}-{seed}", people, bodies, entries)
     whole = SessionTruth(seed, experiment, rate, noise, {s.name: s for s in people}, truths)
     save_session(folder, whole)
-    return SimulatedSession(folder, tuple(truths), whole)
+    return SimulatedSession(folder, tuple(truths), whole, tuple(bodies))
 
 
 def _subject_trials(
@@ -138,6 +149,7 @@ def _subject_trials(
     noise: NoiseParameters,
     rate: float,
     stream: tuple[int, ...],
+    variety: float,
 ) -> Iterator[tuple[TrialEntry, TrialTruth]]:
     """Simulate one subject's trials in a random order, and write them.
 
@@ -149,7 +161,7 @@ def _subject_trials(
     for i in rng.permutation(len(tasks)):
         task = tasks[i]
         body, key = task.body, (task.body.name, task.plan.kind)
-        done = attempt(subject, body, task.plan, rng, rate, found.get(key))
+        done = attempt(subject, body, task.plan, rng, rate, found.get(key), variety)
         found.setdefault(key, done.grasp)
         counts[body.name] = counts.get(body.name, 0) + 1
         panels = body.name == "inverted_t"

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from graspdb.simulate.arrays import Floats
-from graspdb.simulate.grasps import TOUCH, Grasp, NoGraspError, find_grasp
+from graspdb.simulate.grasps import TOUCH, VARIETY, Grasp, NoGraspError, find_grasp
 from graspdb.simulate.kinds import Plan
 from graspdb.simulate.measurement import Measured, NoiseParameters, measure, skin_movement
 from graspdb.simulate.motion import Motion, perform
@@ -51,6 +51,7 @@ def attempt(
     rng: np.random.Generator,
     rate: float,
     near: Grasp | None = None,
+    variety: float = VARIETY,
 ) -> Attempt:
     """Return a grasp that can be reached and lifted with, near an earlier one of its kind if there is one.
 
@@ -61,7 +62,7 @@ def attempt(
     """
     hand = subject.planning
     for number in range(TRIES):
-        grasp = find_grasp(hand, body, plan, rng, near if number % 2 == 0 else None)
+        grasp = find_grasp(hand, body, plan, rng, near if number % 2 == 0 else None, variety)
         if not plan.exact or {c.split("_")[0] for c in grasp.contacts} == {
             c.split("_")[0] for c in plan.contacts
         }:

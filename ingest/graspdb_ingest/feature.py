@@ -61,11 +61,22 @@ def graspable_feature(
         points=points,
         area=float(areas.sum()),
         centroid=centroid,
-        extents=_principal_extents(positions - centroid, weights),
+        extents=principal_extents(positions, areas),
         descriptor=describe_features(positions, cloud.normals[points], features[points], areas),
     )
 
 
-def _principal_extents(offsets: Floats, weights: Floats) -> Floats:
+def principal_extents(points: Floats, areas: Floats) -> Floats:
+    """Return the size of a surface along its principal axes, largest first, shape (3,) [m].
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Points, at least one [m].
+    areas : ndarray, shape (n,)
+        Area that each stands for [m2].
+    """
+    weights = areas / areas.sum()
+    offsets = points - weights @ points
     _, axes = np.linalg.eigh((offsets.T * weights) @ offsets)
     return np.sort(np.ptp(offsets @ axes, axis=0))[::-1].copy()

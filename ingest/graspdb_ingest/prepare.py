@@ -1,6 +1,6 @@
 """What is done once for a session's hands, before its trials: they are calibrated."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.hand import HandModel
+from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
@@ -103,7 +104,6 @@ def prepare_hand(
         If no recording shows enough of the hand.
     """
     file = subject_hand(session, subject, side)
-    default = default_prior(file.hand)
     durations: list[float] = []
 
     def markers() -> Iterator[Floats]:
@@ -112,20 +112,59 @@ def prepare_hand(
             yield recording.markers
 
     sample = sample_frames(markers())
+    some = _noise_recordings(session, subject, side, hidden)
+    return hand_from_sample(subject.name, file, sample, sum(durations), some, parameters)
+
+
+def hand_from_sample(
+    subject: str,
+    file: HandFile,
+    sample: Floats,
+    duration: float,
+    recordings: Sequence[tuple[Floats, float]],
+    parameters: TrackingParameters,
+) -> PreparedHand:
+    """Calibrate a hand and learn its postures from a sample of its frames.
+
+    Parameters
+    ----------
+    subject : str
+        Name of the subject.
+    file : HandFile
+        The hand before calibration.
+    sample : ndarray, shape (n_frames, n_markers, 3)
+        An even sample of the frames of its recordings [m].
+    duration : float
+        How long they are together [s].
+    recordings : sequence of tuple (ndarray of shape (n_frames, n_markers, 3), float)
+        Some of them with their rates [Hz], that tell the scales of movement and of noise; those that the
+        parameters assume stand if there is none.
+    parameters : TrackingParameters
+        Usual noise and time scale.
+
+    Raises
+    ------
+    TrackingError
+        If the sample does not show enough of the hand.
+    """
+    default = default_prior(file.hand)
     with threadpool_limits(1):
         calibration = calibrate_hand(file.hand, file.placements, [sample], default, parameters.marker_sd)
         learned = learn_prior(
             calibration.hand,
             sample,
-            sum(durations),
+            duration,
             default,
             calibration.marker_sd,
             parameters.posture_time,
         )
-        some = _noise_recordings(session, subject, side, hidden)
-        noise = estimate_noise(calibration.hand, some, learned.prior, parameters)
+        noise = (
+            estimate_noise(calibration.hand, list(recordings), learned.prior, parameters)
+            if recordings
+            else MotionNoise.assumed(parameters)
+        )
     return PreparedHand(
-        subject=subject.name,
+        subject=subject,
         hand=calibration.hand,
         prior=learned.prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),

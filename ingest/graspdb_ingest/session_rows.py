@@ -25,7 +25,7 @@ def session_rows(
     rows = {
         "sessions": _session(session),
         "subjects": _subjects(session),
-        "hands": _hands(session.id, hands),
+        "hands": hand_rows(session.id, hands),
     }
     if objects:
         described = session.objects
@@ -91,7 +91,8 @@ def object_row(session: str, prepared: PreparedObject, category: str | None, mas
     )
 
 
-def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
+def hand_rows(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
+    """Return the rows of `hands`: calibrated hand models."""
     return pa.Table.from_pydict(
         {
             "session": [session] * len(hands),

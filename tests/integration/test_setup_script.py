@@ -81,7 +81,7 @@ def test_makes_the_environment_once(machine: Machine) -> None:
     assert "making .venv with Python 3.12.1" in first.stdout
     installs = [line for line in machine.log if " -m pip install " in f" {line}"]
     assert all("--constraint constraints.txt" in line for line in installs)
-    assert installs[-1].endswith("--no-build-isolation --editable .[test]")
+    assert installs[-1].endswith("--no-build-isolation --editable .[test,bench]")
     asked = len(machine.log)
 
     assert machine.setup().stdout == ""

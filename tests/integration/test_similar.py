@@ -78,7 +78,7 @@ def test_answers_repeat_and_do_not_depend_on_memory(db: Database, folder: Path, 
         batched = Search(again._engine, memory=0)
         question = batched.question(QUERY)
         found = batched.similar(question, Respect(by), 12, "object = 'round' OR subject = 'ben'")
-    assert not batched.in_memory
+    assert not batched.holdings.in_memory
     assert answer(found) == expected
 
 
@@ -126,6 +126,7 @@ def test_a_moved_part_from_a_file_finds_its_object(
     assert [hit.grasp for hit in here.hits] == [hit.grasp for hit in there.hits]
     assert [hit.cost for hit in here.hits] == pytest.approx([hit.cost for hit in there.hits], abs=0.02)
     assert here.hits[0].object == "round"
+    assert here.hits[0].parts[0].distance < 0.5  # also of this hollow part the side that is out is kept
 
 
 @pytest.mark.parametrize("where", REFUSED)

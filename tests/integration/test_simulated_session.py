@@ -10,6 +10,7 @@ from graspdb.ingestion import ingest
 from graspdb.simulate import NoiseParameters, simulate_session
 from graspdb.simulate.accuracy import Accuracy, measure_accuracy
 from graspdb.store import Outcome
+from graspdb_queries.named import named_queries, named_query
 
 NOISE = NoiseParameters(marker_sd=0.001, skin_sd=0.0, occlusion=0.0, swaps=0.0)
 
@@ -49,6 +50,16 @@ def test_true_contacts_are_found(accuracy: Accuracy) -> None:
 def test_every_lift_is_found_at_its_time(accuracy: Accuracy) -> None:
     assert accuracy.n_grasps >= accuracy.n_trials == 15
     assert accuracy.lift_onset_error < 0.05
+
+
+@pytest.mark.parametrize("name", sorted(named_queries()))
+def test_named_queries_answer_about_a_whole_session(db: Path, name: str) -> None:
+    query = named_query(name)
+    with graspdb.open(db) as database:
+        result = database.query(name, **dict(query.example))
+    assert list(result.columns) == [column.name for column in query.columns]
+    # In this session no pressure was measured, and no trial needs to be recorded again.
+    assert bool(result.rows()) == (name not in ("contact_errors", "rerecord"))
 
 
 def test_ingesting_again_changes_nothing(session: Path, db: Path) -> None:

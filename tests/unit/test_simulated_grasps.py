@@ -149,3 +149,16 @@ def test_motion_is_smooth_and_the_object_moves_only_between_lift_and_landing(han
     speed = np.linalg.norm(np.diff(points, axis=0), axis=2) * 120.0
     assert speed.max() < 3.0
     assert np.abs(np.diff(speed, axis=0)).max() < 0.25
+
+
+def test_people_with_more_variety_are_further_from_the_plan_and_from_each_other(hand):
+    plan = next(plan for plan in PLANS["bottle"](BODIES["bottle"].measures) if plan.kind == "cap_top")
+    spread = {}
+    for variety in (0.0, 1.0):
+        found = [
+            find_grasp(hand, BODIES["bottle"], plan, np.random.default_rng(seed), variety=variety).q[7:]
+            for seed in range(3)
+        ]
+        spread[variety] = np.std(found, axis=0).mean()
+    assert spread[0.0] < 1e-9  # the plan, and the same hand
+    assert spread[1.0] > np.deg2rad(2)

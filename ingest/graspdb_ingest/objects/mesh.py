@@ -57,7 +57,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units") -> Surface:
+def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units", whole: bool = True) -> Surface:
     """Read an object's mesh (STL, OBJ, PLY, GLB, OFF) or cloud (PLY, PCD), check it and mend what is safe.
 
     Parameters
@@ -68,6 +68,9 @@ def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units") -
         Factor from the file's numbers to metres.
     unit_key : str
         Key of the manifest that the factor comes from, for messages.
+    whole : bool
+        Whether the file holds all of an object, which says which side of a surface that is not closed is
+        out. Of a part the sides are those of the file.
 
     Returns
     -------
@@ -84,14 +87,30 @@ def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units") -
     """
     if not (np.isfinite(scale) and scale > 0):
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
-    geometry = read_geometry(path)
+    return surface_of(path, read_geometry(path), scale, unit_key, whole)
+
+
+def surface_of(
+    path: Path,
+    geometry: Geometry,
+    scale: float = 1.0,
+    unit_key: str = "mesh_units",
+    whole: bool = True,
+) -> Surface:
+    """Check the vertices and faces that a file holds and mend what is safe; see `load_surface`.
+
+    Raises
+    ------
+    ObjectError
+        If they cannot be the surface of an object.
+    """
     if geometry.faces is None:
-        return _cloud_surface(path, geometry, scale, unit_key)
-    return _mesh_surface(path, geometry, geometry.faces, scale, unit_key)
+        return _cloud_surface(path, geometry, scale, unit_key, whole)
+    return _mesh_surface(path, geometry, geometry.faces, scale, unit_key, whole)
 
 
 def _mesh_surface(
-    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, unit_key: str
+    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, unit_key: str, whole: bool
 ) -> Surface:
     used = np.unique(faces)
     broken = int(np.count_nonzero(~np.isfinite(geometry.vertices[used]).all(axis=1)))
@@ -101,7 +120,7 @@ def _mesh_surface(
         )
     _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale, unit_key)
     vertices = np.where(np.isfinite(geometry.vertices), geometry.vertices, 0.0) * scale
-    mended = mend(vertices, faces)
+    mended = mend(vertices, faces, whole)
     mesh, warnings = mended.mesh, list(mended.warnings)
     if not len(mesh.faces) or mesh.area <= 0:
         raise ObjectError(path, "its faces have no area", "Export a surface, not lines or single points.")
@@ -122,7 +141,7 @@ def _mesh_surface(
     )
 
 
-def _cloud_surface(path: Path, geometry: Geometry, scale: float, unit_key: str) -> Surface:
+def _cloud_surface(path: Path, geometry: Geometry, scale: float, unit_key: str, whole: bool) -> Surface:
     finite = np.asarray(np.isfinite(geometry.vertices).all(axis=1))
     points = geometry.vertices[finite] * scale
     if len(points) < 4:
@@ -138,7 +157,7 @@ def _cloud_surface(path: Path, geometry: Geometry, scale: float, unit_key: str) 
             arms = points - points.mean(axis=0)
             flow = np.einsum("ni,ni->", normals, arms)
             # As for an open mesh: only a clear majority says which side is out.
-            if flow < -0.1 * np.linalg.norm(arms, axis=1).sum():
+            if whole and flow < -0.1 * np.linalg.norm(arms, axis=1).sum():
                 normals = -normals
                 warnings.append("all normals inside out: turned outward")
         else:

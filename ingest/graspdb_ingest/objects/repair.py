@@ -38,7 +38,7 @@ class MendedMesh:
     warnings: tuple[str, ...]
 
 
-def mend(vertices: Array, faces: Indices) -> MendedMesh:
+def mend(vertices: Array, faces: Indices, whole: bool = True) -> MendedMesh:
     """Weld vertices, drop faces that add no surface, and turn faces outward.
 
     Parameters
@@ -47,6 +47,8 @@ def mend(vertices: Array, faces: Indices) -> MendedMesh:
         Finite vertices [m].
     faces : ndarray of int, shape (f, 3)
         Triangles.
+    whole : bool
+        Whether they are all of an object; of a part that is not closed nobody can say which side is out.
 
     Returns
     -------
@@ -66,7 +68,7 @@ def mend(vertices: Array, faces: Indices) -> MendedMesh:
         flips = _inconsistent(mesh)
         _flip(mesh, flips)
         warnings.append(f"{_count(int(flips.sum()), 'face')} turned to agree with the neighbours")
-    if len(mesh.faces):
+    if len(mesh.faces) and (whole or mesh.is_watertight):
         inside_out = _inside_out(mesh)
         _flip(mesh, inside_out)
         if n := int(inside_out.sum()):

@@ -7,43 +7,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from graspdb_queries.result import Result
+from graspdb_queries.similar.score import ScorePart, explained, part_columns, plain
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ScorePart:
-    """One reason of a score.
-
-    Attributes
-    ----------
-    name : str
-        descriptor, surface, posture, sites or contacts.
-    distance : float
-        How far hit and query are apart in this respect.
-    unit : str
-        Unit of the distance; empty for a number without one.
-    scale : float
-        Distance that costs one.
-    weight : float
-        Weight of this part in the cost.
-    """
-
-    name: str
-    distance: float
-    unit: str
-    scale: float
-    weight: float
-
-    @property
-    def cost(self) -> float:
-        """What this part adds to the cost of the hit."""
-        return self.weight * self.distance / self.scale
-
-    def explain(self) -> str:
-        """Return distance, weight, scale and cost in words."""
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{self.name} {self.distance:.3g}{unit} x {self.weight:g}/{self.scale:g} = {self.cost:.3f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +53,7 @@ class Hit:
 
     def explain(self) -> str:
         """Return the parts of the cost as one line."""
-        return "; ".join(part.explain() for part in self.parts)
+        return explained(self.parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +92,6 @@ class Similar:
 
     def table(self) -> Result:
         """Return the hits as a table: a row each, a column for each part of the cost, distances in mm."""
-        names = [part.name for part in self.hits[0].parts] if self.hits else []
         columns: dict[str, list[object]] = {
             "rank": [hit.rank for hit in self.hits],
             "grasp": [hit.grasp for hit in self.hits],
@@ -134,10 +99,7 @@ class Similar:
             "object": [hit.object for hit in self.hits],
             "cost": [hit.cost for hit in self.hits],
         }
-        for i, name in enumerate(names):
-            unit = self.hits[0].parts[i].unit
-            label = f"{name}_{unit}" if unit else name
-            columns[label] = [hit.parts[i].distance for hit in self.hits]
+        columns |= part_columns(self.hits)
         for name in ("symmetric", "one_way", "trimmed"):
             columns[f"{name}_mm"] = [
                 None if (value := getattr(hit, name)) is None else 1e3 * value for hit in self.hits
@@ -151,12 +113,5 @@ class Similar:
         return described | {
             "left_out": self.left_out,
             "learned_from": self.learned_from,
-            "hits": [_plain(hit) for hit in self.hits],
+            "hits": [plain(hit) for hit in self.hits],
         }
-
-
-def _plain(hit: Hit) -> dict[str, object]:
-    values = dict(vars(hit))
-    values["parts"] = [{**vars(part), "cost": part.cost} for part in hit.parts]
-    values["hit_from_query"] = None if hit.hit_from_query is None else hit.hit_from_query.tolist()
-    return values

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from graspdb_queries.similar.align import CHUNK
-from graspdb_queries.similar.answer import ScorePart
+from graspdb_queries.similar.holdings import Holdings
 from graspdb_queries.similar.library import Features, features_by_key, flat
 from graspdb_queries.similar.metric import Metric
-from graspdb_queries.similar.onto import Fit, HeldFeature, gaps, hull_planes, lay_onto
+from graspdb_queries.similar.onto import Fit, HeldFeature, gaps, hull_planes, lay_onto, starts_on
 from graspdb_queries.similar.placed import GraspsOn, PlacedGrasp
 from graspdb_queries.similar.places import LEAST_POINTS, NewObject, Rows, places_on
 from graspdb_queries.similar.question import MILLIMETRE, Weight
-from graspdb_queries.similar.search import Search
+from graspdb_queries.similar.score import ScorePart
 from graspdb_queries.similar.threads import in_threads
 from graspdb_queries.similar.where import check_filter
 from graspdb_schemas.errors import QueryError
@@ -55,12 +55,12 @@ _HELD: Final = """
 """
 
 
-def grasps_on(search: Search, new: NewObject, count: int, where: str | None = None) -> GraspsOn:
+def grasps_on(holdings: Holdings, new: NewObject, count: int, where: str | None = None) -> GraspsOn:
     """Return the grasps of a database that fit a new object best, each laid onto it.
 
     Parameters
     ----------
-    search : Search
+    holdings : Holdings
         The database.
     new : NewObject
         The object.
@@ -74,29 +74,12 @@ def grasps_on(search: Search, new: NewObject, count: int, where: str | None = No
     QueryError
         The database has no features that can be compared, or the filter cannot be used.
     """
-    if where is not None:
-        check_filter(search.engine, where)
-    sizes = [row[0] for row in search.engine.sql(_SIZES, {"kind": new.kind, "least": LEAST_POINTS}).rows()]
-    if not sizes or sizes[0] is None:
-        raise QueryError(
-            f"the database has no features with descriptors of kind {new.kind!r}",
-            "Ingest grasps into it, or those it has anew: graspdb ingest --force.",
-        )
-    metric = search.metric(new.kind)
+    sizes = feature_sizes(holdings, new.kind, where)
+    metric = holdings.metric(new.kind)
     places = places_on(new, sizes)
-    pairs, searched = _pairs(search, new, places, metric, where)
-    held, rows = _held(search, new.kind, metric, sorted({key for keys in pairs.values() for key in keys}))
-    work = [
-        (place, [held[key] for key in keys[i : i + CHUNK] if key in held])
-        for place, keys in pairs.items()
-        for i in range(0, len(keys), CHUNK)
-    ]
-
-    def lay(piece: tuple[int, list[HeldFeature]]) -> list[Fit]:
-        place, features = piece
-        return lay_onto(new, places[place], features, metric) if features else []
-
-    fits = [fit for found in in_threads(lay, work) for fit in found]
+    pairs, searched = _pairs(holdings, new, places, metric, where)
+    held, rows = _held(holdings, new.kind, metric, sorted({key for keys in pairs.values() for key in keys}))
+    fits = _fits(new, places, pairs, held, metric)
     best: dict[str, Fit] = {}
     for fit in sorted((fit for fit in fits if fit.possible), key=_order):
         best.setdefault(fit.key, fit)
@@ -105,21 +88,42 @@ def grasps_on(search: Search, new: NewObject, count: int, where: str | None = No
         object=new.name,
         where=where,
         searched=searched,
-        left_out=search.count(where) - searched,
+        left_out=holdings.count(where) - searched,
         places=len(places),
         refused=len({fit.key for fit in fits} - set(best)),
         hits=_hits(new, chosen, held, rows),
     )
 
 
+def feature_sizes(holdings: Holdings, kind: str, where: str | None) -> list[int]:
+    """Return three numbers of points that features have: few, usual and many.
+
+    Worth asking before an object is described, which takes longer.
+
+    Raises
+    ------
+    QueryError
+        The database has no features that can be compared, or the filter cannot be used.
+    """
+    if where is not None:
+        check_filter(holdings.engine, where)
+    sizes = [row[0] for row in holdings.engine.sql(_SIZES, {"kind": kind, "least": LEAST_POINTS}).rows()]
+    if not sizes or sizes[0] is None:
+        raise QueryError(
+            f"the database has no features with descriptors of kind {kind!r}",
+            "Ingest grasps into it, or those it has anew: graspdb ingest --force.",
+        )
+    return sizes
+
+
 def _pairs(
-    search: Search, new: NewObject, places: Sequence[Rows], metric: Metric, where: str | None
+    holdings: Holdings, new: NewObject, places: Sequence[Rows], metric: Metric, where: str | None
 ) -> tuple[dict[int, list[str]], int]:
     """Return the features to lay on each place, and how many features were searched."""
     vectors = metric.vectors(np.stack(in_threads(new.describe, places)))
     near: list[list[tuple[float, str]]] = [[] for _ in places]
     searched = 0
-    for features, rows in search.feature_rows(new.kind, where):
+    for features, rows in holdings.feature_rows(new.kind, where):
         searched += len(features.keys) if rows is None else len(rows)
         for i, vector in enumerate(vectors):
             found, squared = features.index.nearest(vector, FEATURES_OF_PLACE, rows)
@@ -138,24 +142,48 @@ def _pairs(
     return pairs, searched
 
 
+def _fits(
+    new: NewObject,
+    places: Sequence[Rows],
+    pairs: dict[int, list[str]],
+    held: dict[str, HeldFeature],
+    metric: Metric,
+) -> list[Fit]:
+    """Return how the features of all pairs lie on the new object."""
+    features = {place: [held[key] for key in keys if key in held] for place, keys in pairs.items()}
+    features = {place: found for place, found in features.items() if found}
+    starts = in_threads(lambda place: starts_on(new, places[place], features[place]), features)
+    if not starts:
+        return []
+    all_features = [feature for found in features.values() for feature in found]
+    all_starts = np.concatenate(starts)
+
+    def lay(first: int) -> list[Fit]:
+        some = slice(first, first + CHUNK)
+        return lay_onto(new, all_features[some], all_starts[some], metric)
+
+    return [fit for found in in_threads(lay, range(0, len(all_features), CHUNK)) for fit in found]
+
+
 def _held(
-    search: Search, kind: str, metric: Metric, keys: Sequence[str]
+    holdings: Holdings, kind: str, metric: Metric, keys: Sequence[str]
 ) -> tuple[dict[str, HeldFeature], dict[str, dict[str, Any]]]:
     """Return features with the hand on them, by grasp, and their rows; those without a space are left out."""
-    table = search.engine.sql(_HELD, {"keys": list(keys)}).table
+    table = holdings.engine.sql(_HELD, {"keys": list(keys)}).table
     rows = {row["grasp"]: row for row in table.drop_columns(["sites_object", "q"]).to_pylist()}
     for row, sites, q in zip(
         rows.values(), flat(table["sites_object"], N_SITES, 3), flat(table["q"], N_Q), strict=True
     ):
         row["sites"], row["q"] = sites, q if np.isfinite(q).all() else None
-    features: Features = features_by_key(search.engine, kind, metric, list(rows))
-    parts = search.parts(features, range(len(features.keys)))
-    clouds = search.clouds(set(features.objects))
+    features: Features = features_by_key(holdings.engine, kind, metric, list(rows))
+    parts = holdings.parts(features, range(len(features.keys)))
+    clouds = holdings.clouds(set(features.objects))
     trees = {name: cKDTree(cloud.points) for name, cloud in clouds.items()}
     held = {}
     for i, part in enumerate(parts):
         row, name = rows[part.name], features.objects[i]
-        planes = hull_planes(np.array(row["hull_vertices"], dtype=float))
+        vertices = np.array(row["hull_vertices"], dtype=float)
+        planes = hull_planes(vertices)
         if planes is None or not np.isfinite(row["sites"]).all():
             continue
         radii = np.array(row["radii"] or [0.0] * N_SITES, dtype=float)
@@ -163,6 +191,7 @@ def _held(
             part=part,
             vector=features.index.vectors[i],
             planes=planes,
+            box=np.array([vertices.min(axis=0) - 1e-9, vertices.max(axis=0) + 1e-9]),
             sites=row["sites"],
             radii=radii,
             own_gaps=gaps(trees[name], clouds[name], row["sites"], radii),

@@ -99,6 +99,12 @@ def posture_distances(query: Hands, hands: Hands, kind: str) -> Floats:
     return np.asarray(np.sqrt(np.mean(np.sum(offsets**2, axis=2), axis=1)))
 
 
+def posture_in_units(query: Hands, hands: Hands, kind: str) -> Floats:
+    """Return `posture_distances` in the unit that weights have: millimetres, or degrees for angles."""
+    distances = posture_distances(query, hands, kind)
+    return np.degrees(distances) if kind == "angles" else 1e3 * distances
+
+
 def contact_distances(query: Hands, hands: Hands) -> Floats:
     """Return the share of sites in contact in either hand that are not in both (Jaccard), shape (n,)."""
     both = (hands.touching & query.touching).sum(axis=1)

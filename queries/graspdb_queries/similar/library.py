@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 _FEATURES: Final = """
-    SELECT f.grasp, f.descriptor, f.points, o.object_ingest_id, g.object_from_hand
+    SELECT f.grasp, f.descriptor, f.points, f.extents, f.area, o.object_ingest_id, g.object_from_hand
     FROM features f JOIN grasps g USING (grasp) JOIN grasp_objects o USING (grasp)
     WHERE f.descriptor_kind = $kind AND len(f.points) > 0
 """
@@ -37,6 +37,8 @@ class Features:
         Their grasps.
     index : VectorIndex
         Their vectors.
+    sizes : VectorIndex
+        Their extents and the square roots of their areas [m], shape (n, 4); zero where not known.
     starts : ndarray of int, shape (n + 1,)
         Where the points of each begin in `points`.
     points : ndarray of int32
@@ -49,6 +51,7 @@ class Features:
 
     keys: tuple[str, ...]
     index: VectorIndex
+    sizes: VectorIndex
     starts: Rows
     points: NDArray[np.int32]
     objects: tuple[str, ...]
@@ -114,10 +117,12 @@ def all_features(engine: Engine, kind: str, metric: Metric) -> Features:
     picked = np.repeat(starts[order] - placed[:-1], counts[order]) + np.arange(placed[-1])
     objects = [name for part in parts for name in part.objects]
     vectors = [part.index.vectors for part in parts] or [np.empty((0, metric.length), np.float32)]
+    sizes = [part.sizes.vectors for part in parts] or [np.empty((0, 4), np.float32)]
     poses = [part.object_from_hand for part in parts] or [np.empty((0, 4, 4))]
     return Features(
         keys=tuple(keys[i] for i in order),
         index=VectorIndex(np.concatenate(vectors)[order]),
+        sizes=VectorIndex(np.concatenate(sizes)[order]),
         starts=placed,
         points=points[picked],
         objects=tuple(objects[i] for i in order),
@@ -185,6 +190,11 @@ def descriptors_of(column: pa.ChunkedArray) -> Vectors:
     return flat_values.reshape(len(column), -1) if len(column) else np.empty((0, 428), np.float32)
 
 
+def sizes_of(extents: NDArray[np.floating], areas: NDArray[np.floating]) -> Vectors:
+    """Return sizes that compare as vectors, shape (n, 4) [m], from extents, (n, 3), and areas, (n,)."""
+    return np.asarray(np.nan_to_num(np.column_stack([extents, np.sqrt(areas)])), dtype=np.float32)
+
+
 def flat(column: pa.ChunkedArray, *shape: int) -> Floats:
     """Return a column of lists as an array, shape (n, *shape); rows that are null are NaN."""
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
@@ -213,6 +223,7 @@ def _features(table: pa.Table, metric: Metric) -> Features:
     return Features(
         keys=tuple(keys[i] for i in order),
         index=VectorIndex(metric.vectors(descriptors_of(table["descriptor"]))),
+        sizes=VectorIndex(sizes_of(flat(table["extents"], 3), table["area"].to_numpy())),
         starts=np.concatenate([[0], np.cumsum(points.value_lengths().to_numpy())]).astype(np.int64),
         points=points.flatten().to_numpy(),
         objects=tuple(table["object_ingest_id"].to_pylist()),

@@ -12,22 +12,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
-from scipy.spatial.transform import Rotation
 
-from graspdb_queries.similar.align import TRIMMED, aligned
+from graspdb_queries.similar.align import aligned
 from graspdb_queries.similar.library import Cloud
 from graspdb_queries.similar.metric import Metric, Vectors
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.places import LEAST_POINTS, NewObject, Rows
+from graspdb_queries.similar.settle import best_starts, facing, nearest_means, settled
 
 Floats = NDArray[np.float64]
 
-STEPS: Final = 12
-NEIGHBOURS: Final = 8
-"""Points of the object among which one is looked for whose normal points the same way."""
-
-REACH: Final = 0.010
-"""Distance [m] that a point counts with where no surface that faces the same way is as near."""
+STEPS: Final = (4, 20)
+"""Steps of every start, then of the best one."""
 
 ON: Final = 0.005
 """A contact point this near to the new object lies on it [m]."""
@@ -37,9 +33,6 @@ DEPTH: Final = 0.005
 
 MOST_INSIDE: Final = 3
 """Spheres of 20 that may reach into the new object."""
-
-STILL: Final = 1e-3
-"""Share of the mean stiffness that holds a feature where its surface does not, as along a cylinder."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +47,8 @@ class HeldFeature:
         Its descriptor's vector.
     planes : ndarray, shape (f, 4)
         Half-spaces of the enclosing space: a x <= -b.
+    box : ndarray, shape (2, 3)
+        Its lowest and highest corner [m].
     sites : ndarray, shape (20, 3)
         Sphere centres [m].
     radii : ndarray, shape (20,)
@@ -67,6 +62,7 @@ class HeldFeature:
     part: Part
     vector: Vectors
     planes: Floats
+    box: Floats
     sites: Floats
     radii: Floats
     own_gaps: Floats
@@ -108,74 +104,49 @@ def gaps(tree: cKDTree, cloud: Cloud, centres: Floats, radii: Floats) -> Floats:
     return np.asarray(np.where(outside, apart, -apart) - radii)
 
 
-def lay_onto(new: NewObject, place: Rows, features: Sequence[HeldFeature], metric: Metric) -> list[Fit]:
-    """Return how features lie about a place of a new object; those that enclose nothing are left out."""
+def starts_on(new: NewObject, place: Rows, features: Sequence[HeldFeature]) -> Floats:
+    """Return where features may lie about a place of a new object, new_from_object, shape (n, s, 4, 4)."""
     poses, _ = aligned(new.part(place), [feature.part for feature in features])
-    matrices = np.linalg.inv(poses.matrices())
-    fits = []
-    for feature, starts in zip(features, matrices, strict=True):
-        # What is nearly alike both ways round, as a handle is, shows only on the whole object which fits.
-        settled = [_settled(new, feature.part, start) for start in starts]
-        best = min(settled, key=lambda pose: _nearest_mean(_apart(new, feature.part, pose)))
-        fit = _judge(new, feature, best, metric)
-        if fit is not None:
-            fits.append(fit)
-    return fits
+    return np.asarray(np.linalg.inv(poses.matrices()), dtype=np.float64)
+
+
+def lay_onto(new: NewObject, features: Sequence[HeldFeature], starts: Floats, metric: Metric) -> list[Fit]:
+    """Return how features lie on a new object; those that enclose nothing are left out.
+
+    Parameters
+    ----------
+    new : NewObject
+        The object.
+    features : sequence of HeldFeature
+        At most `CHUNK`.
+    starts : ndarray, shape (n, s, 4, 4)
+        Where each may lie, new_from_object.
+    metric : Metric
+        What compares descriptors.
+    """
+    n, n_starts = starts.shape[:2]
+    points = np.stack([feature.part.dense.points for feature in features])
+    normals = np.stack([feature.part.dense.normals for feature in features])
+    every = np.repeat(np.arange(n), n_starts)
+    tried = settled(new, points[every], normals[every], starts.reshape(-1, 4, 4), STEPS[0])
+    # What is nearly alike both ways round, as a handle is, shows only on the whole object which fits.
+    best = best_starts(new, points, normals, tried.reshape(starts.shape))
+    poses = settled(new, points, normals, best, STEPS[1])
+    fits = [_judge(new, feature, pose, metric) for feature, pose in zip(features, poses, strict=True)]
+    return [fit for fit in fits if fit is not None]
 
 
 def _moved(points: Floats, pose: Floats) -> Floats:
     return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
 
 
-def _facing(new: NewObject, points: Floats, normals: Floats) -> tuple[Floats, Rows]:
-    """Return distances to the nearest points that face the same way, at most `REACH`, and their rows."""
-    k = min(NEIGHBOURS, len(new.cloud.points))
-    found = new.tree.query(points, k=np.arange(1, k + 1))
-    apart, rows = np.asarray(found[0]), np.asarray(found[1], dtype=np.int64)
-    alike = np.einsum("nki,ni->nk", new.cloud.normals[rows], normals) > 0
-    apart = np.where(alike, apart, REACH)
-    best: Rows = apart.argmin(axis=1).astype(np.int64)
-    every = np.arange(len(points))
-    return np.minimum(apart[every, best], REACH), rows[every, best]
-
-
-def _settled(new: NewObject, part: Part, pose: Floats) -> Floats:
-    """Return a pose after steps of point-to-plane iterated closest points, the furthest left out."""
-    points, normals = part.scored, part.scored_normals
-    for _ in range(STEPS):
-        moved, turned = _moved(points, pose), normals @ pose[:3, :3].T
-        apart, rows = _facing(new, moved, turned)
-        near = np.argsort(apart, kind="stable")[: int(np.ceil(TRIMMED * len(apart)))]
-        planes = new.cloud.normals[rows[near]]
-        centre = moved[near].mean(axis=0)
-        arms = moved[near] - centre
-        off = np.einsum("ni,ni->n", new.cloud.points[rows[near]] - moved[near], planes)
-        reach = np.sqrt((arms**2).sum(axis=1).mean()) + 1e-9  # so that turns and shifts weigh alike
-        slopes = np.concatenate([np.cross(arms / reach, planes), planes], axis=1)
-        stiffness = slopes.T @ slopes
-        stiffness += STILL * np.trace(stiffness) / 6 * np.eye(6)
-        step = np.linalg.solve(stiffness, slopes.T @ off)
-        turn = Rotation.from_rotvec(step[:3] / reach).as_matrix()
-        change = np.eye(4)
-        change[:3, :3], change[:3, 3] = turn, centre - turn @ centre + step[3:]
-        pose = change @ pose
-    return pose
-
-
-def _apart(new: NewObject, part: Part, pose: Floats) -> Floats:
-    return _facing(new, _moved(part.scored, pose), part.scored_normals @ pose[:3, :3].T)[0]
-
-
-def _nearest_mean(apart: Floats) -> float:
-    return float(np.sort(apart)[: int(np.ceil(TRIMMED * len(apart)))].mean())
-
-
 def _judge(new: NewObject, feature: HeldFeature, pose: Floats, metric: Metric) -> Fit | None:
     part = feature.part
-    apart = _apart(new, part, pose)
+    apart, _ = facing(new, _moved(part.scored, pose), part.scored_normals @ pose[:3, :3].T)
     back = (new.cloud.points - pose[:3, 3]) @ pose[:3, :3]
-    inside = (back @ feature.planes[:, :3].T + feature.planes[:, 3] <= 1e-9).all(axis=1)
-    rows = np.flatnonzero(inside)
+    rows = np.flatnonzero(((back >= feature.box[0]) & (back <= feature.box[1])).all(axis=1))
+    inside = (back[rows] @ feature.planes[:, :3].T + feature.planes[:, 3] <= 1e-9).all(axis=1)
+    rows = rows[inside]
     if len(rows) < LEAST_POINTS:
         return None
     vector = metric.vectors(new.describe(rows)[None])[0]
@@ -188,7 +159,7 @@ def _judge(new: NewObject, feature: HeldFeature, pose: Floats, metric: Metric) -
         rows=rows,
         descriptor=float(np.linalg.norm(vector.astype(np.float64) - feature.vector)),
         one_way=float(apart.mean()),
-        trimmed=_nearest_mean(apart),
+        trimmed=float(nearest_means(apart)),
         contacts_on=float(np.mean(on)),
         penetration=float(max(deeper.max(), 0.0)),
         n_inside=int((deeper > DEPTH).sum()),

@@ -17,9 +17,10 @@ SCORED_POINTS: Final = 400
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Some points of a part [m], and their histograms."""
+    """Some points of a part [m], their normals and histograms."""
 
     points: Floats
+    normals: Floats
     histograms: NDArray[np.float32]
 
 
@@ -37,6 +38,8 @@ class Part:
         FPFH of the points.
     object_from_hand : ndarray, shape (4, 4)
         Pose of the hand that encloses the part; NaN where there is none.
+    oriented : bool
+        Whether the normals point outwards, rather than to either side.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Part:
     normals: Floats
     histograms: NDArray[np.float32]
     object_from_hand: Floats
+    oriented: bool = True
 
     @property
     def has_hand(self) -> bool:
@@ -94,7 +98,7 @@ class Part:
         return np.unique(np.linspace(0, n - 1, min(n, SCORED_POINTS)).round().astype(np.int64))
 
     def _sample(self, chosen: NDArray[np.int64]) -> Sample:
-        return Sample(self.points[chosen], self.histograms[chosen])
+        return Sample(self.points[chosen], self.normals[chosen], self.histograms[chosen])
 
 
 def spread(points: Floats, count: int) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from graspdb_queries.result import Result
-from graspdb_queries.similar.answer import ScorePart
+from graspdb_queries.similar.score import ScorePart, explained, part_columns, plain
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class PlacedGrasp:
 
     def explain(self) -> str:
         """Return the parts of the cost as one line."""
-        return "; ".join(part.explain() for part in self.parts)
+        return explained(self.parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +116,7 @@ class GraspsOn:
         }
         for axis, name in enumerate("xyz"):
             columns[f"{name}_mm"] = [1e3 * float(hit.centre[axis]) for hit in hits]
-        for i, part in enumerate(hits[0].parts if hits else ()):
-            label = f"{part.name}_{part.unit}" if part.unit else part.name
-            columns[label] = [hit.parts[i].distance for hit in hits]
+        columns |= part_columns(hits)
         columns["one_way_mm"] = [1e3 * hit.one_way for hit in hits]
         columns["contacts_on"] = [hit.contacts_on for hit in hits]
         columns["penetration_mm"] = [1e3 * hit.penetration for hit in hits]
@@ -127,12 +125,4 @@ class GraspsOn:
     def as_json(self) -> dict[str, Any]:
         """Return the answer as plain values, for JSON."""
         values = {name: value for name, value in vars(self).items() if name != "hits"}
-        return values | {"hits": [_plain(hit) for hit in self.hits]}
-
-
-def _plain(hit: PlacedGrasp) -> dict[str, Any]:
-    values: dict[str, Any] = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(hit).items()
-    }
-    values["parts"] = [{**vars(part), "cost": part.cost} for part in hit.parts]
-    return values
+        return values | {"hits": [plain(hit) for hit in self.hits]}

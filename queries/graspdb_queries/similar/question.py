@@ -31,7 +31,7 @@ MILLIMETRE: Final = "mm"
 WEIGHTS: Final[dict[str, dict[str, Weight]]] = {
     "feature": {
         "descriptor": Weight(0.5, 1.0, ""),
-        "surface": Weight(0.5, 1.0, MILLIMETRE),
+        "surface": Weight(0.5, 2.0, MILLIMETRE),
     },
     "posture": {"posture": Weight(1.0, 10.0, MILLIMETRE)},
     "contact": {
@@ -41,14 +41,14 @@ WEIGHTS: Final[dict[str, dict[str, Weight]]] = {
     },
     "all": {
         "descriptor": Weight(0.25, 1.0, ""),
-        "surface": Weight(0.25, 1.0, MILLIMETRE),
+        "surface": Weight(0.25, 2.0, MILLIMETRE),
         "posture": Weight(0.25, 10.0, MILLIMETRE),
         "sites": Weight(0.125, 0.5, ""),
         "contacts": Weight(0.125, 10.0, MILLIMETRE),
     },
 }
-"""Parts of the cost for each respect. Scales are differences that a person would call clear: a millimetre
-between surfaces, ten between joints or contact points, half of the sites."""
+"""Parts of the cost for each respect. Scales are differences that a person would call clear: between surfaces
+the 2 mm by which the points of a cloud are apart, ten between joints or contact points, half of the sites."""
 
 ANGLE: Final = Weight(1.0, 15.0, "deg")
 """Takes the place of the posture's distance where joint angles are compared."""
@@ -105,6 +105,8 @@ class Question:
         Its descriptor; several where it could be described in several ways, of which the nearest counts.
     part : Part or None
         Its surface; None for a grasp that encloses no point.
+    size : ndarray of float32, shape (4,), or None
+        Its extents and the square root of its area [m]; None without a surface.
     hand : Hands or None
         Its hand; None for a part from outside.
     side : str or None
@@ -119,6 +121,7 @@ class Question:
     kind: str | None
     descriptors: NDArray[np.float32]
     part: Part | None
+    size: NDArray[np.float32] | None
     hand: Hands | None
     side: str | None
     contacts: Floats

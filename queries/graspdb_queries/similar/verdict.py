@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from graspdb_queries.engine import Engine
 from graspdb_queries.similar.align import CHUNK, Poses, align, held_poses
-from graspdb_queries.similar.answer import Hit, ScorePart
+from graspdb_queries.similar.answer import Hit
 from graspdb_queries.similar.chamfer import Chamfer, chamfer
-from graspdb_queries.similar.hands import contact_distances, posture_distances, set_distance, site_names
+from graspdb_queries.similar.hands import contact_distances, posture_in_units, set_distance, site_names
 from graspdb_queries.similar.library import hands_by_key
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.question import Question, Respect
+from graspdb_queries.similar.score import ScorePart
 from graspdb_queries.similar.threads import in_threads
 
 Floats = NDArray[np.float64]
@@ -71,11 +72,10 @@ def verdicts(
             continue  # held by the other hand
         distances = {"descriptor": candidate.descriptor}
         if where is not None:
-            distances["surface"] = 1e3 * where.apart.trimmed
+            distances["surface"] = 1e3 * where.apart.surface
         if hand_parts and question.hand is not None:
             hand = hands[candidate.key]
-            posture = float(posture_distances(question.hand, hand, respect.posture)[0])
-            distances["posture"] = np.degrees(posture) if respect.posture == "angles" else 1e3 * posture
+            distances["posture"] = float(posture_in_units(question.hand, hand, respect.posture)[0])
             distances["sites"] = float(contact_distances(question.hand, hand)[0])
         if where is not None and "contacts" in weights:
             moved = question.contacts @ where.pose[:3, :3].T + where.pose[:3, 3]
@@ -100,7 +100,7 @@ def lay(query: Part | None, candidates: Sequence[Part], mode: str) -> dict[str, 
     if query is None or not candidates:
         return {}
     groups = [candidates[i : i + CHUNK] for i in range(0, len(candidates), CHUNK)]
-    for cached in (query.sparse, query.dense, query.axes, query.tree, query.scored):
+    for cached in (query.sparse, query.dense, query.axes, query.tree, query.scored, query.scored_normals):
         del cached  # made once, before threads share the query
 
     def work(group: Sequence[Part]) -> list[tuple[str, Laid]]:

@@ -99,9 +99,9 @@ def test_grip_aperture(database: graspdb.Database) -> None:
 
 def test_hull_volume(database: graspdb.Database) -> None:
     rows = database.query("hull_volume").rows()
-    pinch = ("thumb+index", 3, near(2e-5), near(1e-5), near(2.0), near(3.0), near(4.0), near(4e-6 * 8 / 3))
-    assert rows[0] == pinch
-    assert [row[0] for row in rows] == ["thumb+index", "thumb+ring", "thumb+index+middle+ring+little"]
+    ratios = (near(2.0), near(3.0), near(4.0))
+    assert rows[0] == ("palmar pinch", "thumb+index", 3, near(2e-5), near(1e-5), *ratios, near(4e-6 * 8 / 3))
+    assert [row[:2] for row in rows[1:]] == [(None, "thumb+ring"), (None, "thumb+index+middle+ring+little")]
 
 
 def test_quality_by_object(database: graspdb.Database) -> None:

@@ -1,5 +1,7 @@
 """Alignment: a moved part comes back, whatever the pose; distances are those of brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
@@ -7,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from graspdb_queries.similar import threads as pool
 from graspdb_queries.similar.align import align, held_poses
-from graspdb_queries.similar.chamfer import chamfer
+from graspdb_queries.similar.chamfer import TILT, chamfer
 from graspdb_queries.similar.part import Part
 from graspdb_queries.similar.verdict import lay
 
@@ -49,6 +51,20 @@ def test_another_sample_of_the_same_surface_lies_within_its_spacing():
     poses = align(part, [moved(other, turn, shift)])
     apart = chamfer(part, moved(other, turn, shift), poses.rotations[0], poses.positions[0])
     assert apart.trimmed < apart.symmetric < 0.002
+
+
+@pytest.mark.parametrize("angle", [0.1, 1.0, np.pi])
+def test_surfaces_that_face_elsewhere_are_apart_where_their_points_are_not(angle):
+    part = bent_strip()
+    across = np.cross(part.normals, [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    turned = Rotation.from_rotvec(angle * across).apply(part.normals)
+    other = replace(part, normals=turned)
+    apart = chamfer(part, other, np.eye(3), np.zeros(3))
+    assert apart.trimmed == apart.symmetric == 0
+    assert apart.surface == pytest.approx(TILT * 2 * np.sin(angle / 2))
+    either = chamfer(part, replace(other, oriented=False), np.eye(3), np.zeros(3))
+    assert either.surface == pytest.approx(TILT * 2 * np.sin(min(angle, np.pi - angle) / 2), abs=1e-9)
 
 
 def test_chamfer_is_that_of_all_pairs():
