@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from graspdb.database import Database as Database
     from graspdb.database import Info as Info
     from graspdb.grasp import Grasp as Grasp
+    from graspdb.importing import import_data_set as import_data_set
     from graspdb.ingestion import IngestReport as IngestReport
     from graspdb.ingestion import ingest as ingest
+    from graspdb_ingest.importers.base import ImportOptions as ImportOptions
     from graspdb_ingest.live import HandEstimate as HandEstimate
     from graspdb_ingest.live import HandTracker as HandTracker
     from graspdb_queries.result import Result as Result
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "open": ("graspdb.database", "Database"),
     "Database": ("graspdb.database", "Database"),
+    "import_data_set": ("graspdb.importing", "import_data_set"),
+    "ImportOptions": ("graspdb_ingest.importers.base", "ImportOptions"),
     "ingest": ("graspdb.ingestion", "ingest"),
     "IngestReport": ("graspdb.ingestion", "IngestReport"),
     "Info": ("graspdb.database", "Info"),

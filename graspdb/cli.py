@@ -11,6 +11,7 @@ from graspdb.commands.check import check
 from graspdb.commands.demo import demo
 from graspdb.commands.export import export
 from graspdb.commands.hand import hand
+from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
@@ -35,6 +36,7 @@ app.command()(demo)
 app.command()(simulate)
 app.command()(check)
 app.command()(ingest)
+app.command("import")(import_)
 app.command()(info)
 app.command()(schema)
 app.command()(sql)

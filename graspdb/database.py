@@ -1,6 +1,6 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -162,7 +162,7 @@ class Database:
         """
         return read_grasp(self._engine, key)
 
-    def export(self, form: str, out: str | PathLike[str]) -> None:
+    def export(self, form: str, out: str | PathLike[str], *, refuse_licences: Sequence[str] = ()) -> None:
         """Write the database in a form that other programs read; ``graspdb export --help`` tells which.
 
         Parameters
@@ -171,17 +171,24 @@ class Database:
             duckdb: a DuckDB file of views on the tables.
         out : str or path
             The file; there must be none yet.
+        refuse_licences : sequence of str
+            Texts such as ``NC``: trials whose licence note has one of them in it are left out.
 
         Raises
         ------
         ParameterError
-            There is no such form.
+            There is no such form, or a text is empty.
         QueryError
             The file is there already, or cannot be written.
         """
         if form not in EXPORTS:
             raise ParameterError("form", form, ", ".join(EXPORTS) + nearest(form, EXPORTS))
-        write_duckdb(Path(out), self.snapshot.sources)
+        sources = self.snapshot.sources
+        if refuse_licences:
+            from graspdb.licences import without_licences
+
+            sources = without_licences(self._engine, sources, refuse_licences)
+        write_duckdb(Path(out), sources)
 
     def similar(
         self,

@@ -12,7 +12,8 @@ from graspdb.store import Outcome, Store
 from graspdb_ingest.input_key import input_key
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.pipeline import Context, process_trial
-from graspdb_ingest.prepare import PreparedHand, PreparedObject, prepare_hand, prepare_object
+from graspdb_ingest.prepare import PreparedHand, prepare_hand
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_ingest.session_rows import session_rows
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import GraspDBError, ParameterError
@@ -131,7 +132,7 @@ def ingest(
     contexts = {trial.name: prepared.context(described, trial) for trial in todo}
     for rows in _processed(described, todo, contexts, parameters, workers):
         committed = store.commit_trial(rows, force=force)
-        report = _report(rows, committed.outcome)
+        report = trial_report(rows, committed.outcome)
         reports.append(report)
         if progress is not None:
             progress(report, len(todo))
@@ -177,7 +178,7 @@ class _Prepared:
     def context(self, session: Session, trial: SessionTrial) -> Context:
         """Return what a trial stands on."""
         hands = {side: self.hands[trial.subject, side] for side in session.sides_of(trial)}
-        thing = None if trial.object is None else self.objects[trial.object]
+        thing = None if trial.object is None else self.objects.get(trial.object)
         return Context(
             hands={side: hand for side, hand in hands.items() if isinstance(hand, PreparedHand)},
             object=thing if isinstance(thing, PreparedObject) else None,
@@ -190,7 +191,8 @@ def _prepare(
 ) -> _Prepared:
     """Prepare each hand and object that the trials need, once; a failure rejects just those trials."""
     hands = _unique((t.subject, side) for t in todo for side in session.sides_of(t))
-    objects = [name for name in _unique(t.object for t in todo) if name is not None]
+    names = _unique(trial.object for trial in todo)
+    objects = [name for name in names if name is not None and session.objects[name].mesh is not None]
     with Parallel(n_jobs=min(workers, max(1, len(hands) + len(objects)))) as parallel:
         prepared_hands = parallel(delayed(_hand)(session, n, s, parameters) for n, s in hands)
         prepared_objects = parallel(delayed(_object)(session, n, parameters) for n in objects)
@@ -228,7 +230,8 @@ def _processed(
     yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch=workers)(tasks)
 
 
-def _report(rows: TrialTables, outcome: Outcome) -> TrialReport:
+def trial_report(rows: TrialTables, outcome: Outcome) -> TrialReport:
+    """Return what became of a trial with these rows."""
     row = rows.tables["trials"].to_pylist()[0]
     return TrialReport(row["trial"], outcome, row["status"], tuple(row["reasons"]), row["n_grasps"])
 

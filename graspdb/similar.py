@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.descriptor import describe, describe_featured, descriptor_kind, fourier_features
+from graspdb_ingest.descriptor import describe, describe_features, descriptor_kind, local_features
 from graspdb_ingest.feature import principal_extents
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
@@ -96,10 +96,10 @@ def new_object(path: Path, scale: float) -> NewObject:
     parameters = CloudParameters()
     cloud = _cloud(path, load_surface(path, scale), parameters)
     histograms = point_histograms(cloud, parameters)
-    features = fourier_features(histograms)
+    features = local_features(histograms)
 
     def described(rows: NDArray[np.int64]) -> Vectors:
-        return describe_featured(cloud.points[rows], cloud.normals[rows], features[rows], cloud.areas[rows])
+        return describe_features(cloud.points[rows], cloud.normals[rows], features[rows], cloud.areas[rows])
 
     return NewObject(
         name=str(path),

@@ -9,7 +9,7 @@ from graspdb_ingest.grasp_rows import Grasp
 from graspdb_ingest.hand import HandDimensions
 from graspdb_ingest.keypoints import KeyPointGrasp, dimensions_of, static_grasp
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_object
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_schemas.manifest import SessionObject
 from graspdb_schemas.vocabulary import DIGITS, JOINTS_OF_DIGIT, Side
 

@@ -56,6 +56,23 @@ def load_sequence(folder: Path) -> Sequence:
     return Sequence(thing.rate, ObjectDistance(surface, sample_cloud(surface)), hands, positions, rotations)
 
 
+def rises(sequence: Sequence) -> list[float]:
+    """Return when the object leaves the table, by its height alone [s]: first 5 mm above it for good."""
+    height = sequence.object_positions[:, 1]
+    table = np.quantile(height[: round(sequence.rate)], 0.5)
+    raised, found, frame = height > table + 0.02, [], 0
+    while raised[frame:].any():
+        up = frame + int(raised[frame:].argmax())
+        low = np.flatnonzero(height[frame : up + 1] < table + 0.005)
+        if len(low):
+            found.append((frame + int(low[-1])) / sequence.rate)
+        down = np.flatnonzero(height[up:] < table + 0.005)
+        if not len(down):
+            break
+        frame = up + int(down[0])
+    return found
+
+
 def _key_points(motion: BvhMotion) -> tuple[np.ndarray, np.ndarray]:
     """Return radii (20,) of a hand of this size, and key points (n, 21, 3) in the lab frame [m]."""
     chains = {digit: [motion.index(joint) for joint in JOINTS[digit]] for digit in DIGITS}

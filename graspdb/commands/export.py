@@ -26,6 +26,10 @@ def duckdb(
         Path, typer.Argument(metavar="FILE", help="DuckDB file to write, such as grasps.duckdb.")
     ],
     db: Db = DEFAULT_DB,
+    refuse_licence: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TEXT", help="Leave out trials with this in their licence note, such as NC."),
+    ] = None,
 ) -> None:
     """Write a small DuckDB file of views on the tables, for any DuckDB client.
 
@@ -36,5 +40,5 @@ def duckdb(
     from graspdb.database import Database
 
     with Database(db) as database:
-        database.export("duckdb", file)
+        database.export("duckdb", file, refuse_licences=refuse_licence or ())
     typer.echo(f"Wrote {file}: views on {db.resolve()}")

@@ -1,6 +1,8 @@
 """``graspdb ingest``: sessions into a database."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +12,7 @@ import typer
 from graspdb.commands.options import DEFAULT_DB, Db, Json
 
 if TYPE_CHECKING:
-    from graspdb.ingestion import IngestReport
+    from graspdb.ingestion import IngestReport, Progress, TrialReport
 
 
 def ingest(
@@ -38,7 +40,7 @@ def ingest(
         for session in sessions
     ]
     if as_json:
-        typer.echo(json.dumps([_plain(report) for report in reports], indent=2))
+        typer.echo(json.dumps([plain(report) for report in reports], indent=2))
     else:
         for report in reports:
             typer.echo(summary(report))
@@ -56,29 +58,36 @@ def run_with_progress(
     surface: str = "spheres",
 ) -> "IngestReport":
     """Ingest a session with a progress bar on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from graspdb.ingestion import TrialReport, ingest
+    from graspdb.ingestion import ingest
     from graspdb_ingest.parameters import ContactParameters, IngestParameters
 
-    parameters = IngestParameters(contact=ContactParameters(surface=surface))
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        bar = bars.add_task(f"{session}: preparing", total=None)
-
-        def advance(report: TrialReport, total: int) -> None:
-            bars.update(bar, total=total, advance=1, description=report.trial)
-
+    with progress_bar(f"{session}: preparing") as advance:
         return ingest(
             session,
             db,
             workers=workers,
             data_root=data_root,
             force=force,
-            parameters=parameters,
+            parameters=IngestParameters(contact=ContactParameters(surface=surface)),
             progress=advance,
         )
+
+
+@contextmanager
+def progress_bar(beginning: str) -> "Iterator[Progress]":
+    """Show a progress bar on standard error, with a text until the first trial is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(beginning, total=None)
+
+        def advance(report: "TrialReport", total: int) -> None:
+            bars.update(bar, total=total, advance=1, description=report.trial)
+
+        yield advance
 
 
 def summary(report: "IngestReport") -> str:
@@ -91,5 +100,6 @@ def summary(report: "IngestReport") -> str:
     return "\n".join(lines)
 
 
-def _plain(report: "IngestReport") -> dict[str, object]:
+def plain(report: "IngestReport") -> dict[str, object]:
+    """Return a report as plain values, for JSON."""
     return {**asdict(report), "db": str(report.db)}

@@ -1,7 +1,7 @@
 """``graspdb validate contacts``: contact points against measured centres of pressure."""
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import typer
 
@@ -13,11 +13,16 @@ if TYPE_CHECKING:
     from graspdb.validation.contacts import ContactError, MeanError
 
 
+ESTIMATES: Final = {"all": "all_points", "weighted": "weighted", "most distal": "most_distal"}
+"""Columns and rows of the tables, and the errors that they show."""
+
+
 def contacts(db: Db = DEFAULT_DB, as_json: Json = False) -> None:
     """Print the distance of each digit's contact to its measured centre of pressure: the paper's Table I.
 
     For trials whose manifest names reference_contacts. A digit's contact is the mean of its contact points,
-    as in the paper; beside it stands the error of the contact point of its most distal touching site.
+    as in the paper; beside it stand the error of their mean weighted as elastic pads press, and that of the
+    contact point of its most distal touching site.
     """
     from graspdb.database import Database
     from graspdb.validation.contacts import contact_errors
@@ -37,7 +42,8 @@ def _plain(error: "ContactError") -> dict[str, object]:
         "digit": error.digit,
         "n_missed": error.n_missed,
     }
-    for name, mean in (("all_points", error.all_points), ("most_distal", error.most_distal)):
+    for name in ESTIMATES.values():
+        mean = getattr(error, name)
         values = (mean.mean, mean.low, mean.high)
         numbers = [None if value != value else round(1000 * value, 4) for value in values]
         described[name] = {"n": mean.n, "mean_mm": numbers[0], "low_mm": numbers[1], "high_mm": numbers[2]}
@@ -60,7 +66,7 @@ def _print(errors: "Sequence[ContactError]") -> None:
     for column in table.columns:
         column.no_wrap = True
     for pair in pairs:
-        for title, name in (("all", "all_points"), ("most distal", "most_distal")):
+        for title, name in ESTIMATES.items():
             cells = []
             for subject in subjects:
                 found = [known.get((subject, pair, digit)) for digit in pair.split("+")]
@@ -77,7 +83,7 @@ def _print(errors: "Sequence[ContactError]") -> None:
 def _details(errors: "Sequence[ContactError]") -> object:
     from rich.table import Table
 
-    titles = ("subject", "digits", "digit", "n", "missed", "all points", "most distal")
+    titles = ("subject", "digits", "digit", "n", "missed", *ESTIMATES)
     table = Table(*titles, box=None, pad_edge=False)
     for error in errors:
         table.add_row(
@@ -86,8 +92,7 @@ def _details(errors: "Sequence[ContactError]") -> object:
             error.digit,
             str(error.all_points.n),
             str(error.n_missed),
-            _interval(error.all_points),
-            _interval(error.most_distal),
+            *(_interval(getattr(error, name)) for name in ESTIMATES.values()),
         )
     return table
 

@@ -170,7 +170,7 @@ def _subject_trials(
         truth = trial.truth
         write_c3d(folder / "trials" / f"{name}.c3d", truth.marker_labels, trial.measured.positions, rate)
         if panels:
-            _write_reference(folder, body, done.motion, truth, noise, rng)
+            _write_reference(folder, subject, body, done.motion, truth, noise, rng)
         yield TrialEntry(name, subject.name, body.name, counts[body.name], panels), truth
 
 
@@ -185,6 +185,7 @@ def _with_glove(
 
 def _write_reference(
     folder: Path,
+    subject: SimulatedSubject,
     body: SimulatedObject,
     motion: Motion,
     truth: TrialTruth,
@@ -194,7 +195,7 @@ def _write_reference(
     digits = tuple(truth.kind.split("_"))
     sites = in_object(motion, truth.sites)
     path = folder / "reference" / f"{truth.trial}.csv"
-    write_pressure(path, digits, body.surface, sites, truth.contact, truth.times, noise, rng)
+    write_pressure(path, digits, body.surface, sites, subject.dimensions.radii, truth, noise, rng)
 
 
 def _generator(*stream: int) -> np.random.Generator:

@@ -43,7 +43,7 @@ def as_trial(rows: TrialTables, shared: Mapping[str, Sequence[Unit]]) -> Trial:
     rows : TrialTables
         Its rows, with the session-level rows it stands on or without.
     shared : mapping of str to sequence of Unit
-        Session-level rows by session, for trials that come without.
+        Session-level rows by session, for what the trial brings none of.
 
     Raises
     ------
@@ -62,7 +62,9 @@ def as_trial(rows: TrialTables, shared: Mapping[str, Sequence[Unit]]) -> Trial:
         strangers = [key for key in table["trial"].unique().to_pylist() if key != values["trial"]]
         if strangers:
             raise ParameterError(f"{name}.trial", strangers[0], repr(values["trial"]))
-    candidates = list(units(rows.tables)) or shared.get(values["session"], ())
+    own_units = list(units(rows.tables))
+    described = [unit.describes for unit in own_units]
+    candidates = own_units + [u for u in shared.get(values["session"], ()) if u.describes not in described]
     return Trial(
         key=values["trial"],
         session=values["session"],

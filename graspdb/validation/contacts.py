@@ -56,6 +56,8 @@ class ContactError:
         Grasps in which the digit pressed and no contact of it was found.
     all_points : MeanError
         Of the mean of the digit's contact points, as the paper defines it.
+    weighted : MeanError
+        Of their mean weighted as elastic pads press: by the square of how far each gap is below h.
     most_distal : MeanError
         Of the contact point of the digit's most distal touching site.
     """
@@ -65,6 +67,7 @@ class ContactError:
     digit: str
     n_missed: int
     all_points: MeanError
+    weighted: MeanError
     most_distal: MeanError
 
 
@@ -81,12 +84,12 @@ def contact_errors(database: Database) -> tuple[ContactError, ...]:
     QueryError
         If no grasp has a centre of pressure measured at its snapshot.
     """
-    groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    groups: dict[tuple[str, str, str], list[list[float]]] = {}
     rows = database.query("contact_errors").table.to_pylist()
     for row in rows:
         key = (row["subject"], row["pair"], row["digit"])
-        error, distal = (np.nan if row[name] is None else row[name] for name in ("error", "distal_error"))
-        groups.setdefault(key, []).append((error, distal))
+        found = [row[name] for name in ("error", "weighted_error", "distal_error")]
+        groups.setdefault(key, []).append([np.nan if value is None else value for value in found])
     if not rows:
         raise QueryError(
             "no grasp in the database has a centre of pressure measured at its snapshot",
@@ -97,7 +100,7 @@ def contact_errors(database: Database) -> tuple[ContactError, ...]:
 
 def _contact_error(subject: str, pair: str, digit: str, errors: Floats) -> ContactError:
     missed = int(np.isnan(errors[:, 0]).sum())
-    return ContactError(subject, pair, digit, missed, mean_error(errors[:, 0]), mean_error(errors[:, 1]))
+    return ContactError(subject, pair, digit, missed, *(mean_error(column) for column in errors.T))
 
 
 def mean_error(distances: Sequence[float] | Floats) -> MeanError:

@@ -1,6 +1,7 @@
 """BVH files: a skeleton of joints, and how it moves (Biovision hierarchy)."""
 
 import gzip
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,17 +79,13 @@ def read_bvh(path: Path, scale: float) -> BvhMotion:
     RecordingError
         If the file is no BVH, or its frames do not fit its skeleton.
     """
+    head, motion, body = _text(path).partition("MOTION")
+    joints = _joints(path, head)
     try:
-        raw = path.read_bytes()
-        text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8")
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise RecordingError(path, f"it cannot be read: {error}", "Give a BVH file.") from error
-    head, motion, body = text.partition("MOTION")
-    try:
-        joints = tuple(_skeleton(iter(head.split())))
         rate, values = _frames(body)
-    except (RuntimeError, ValueError, IndexError) as error:
-        raise RecordingError(path, "it is not a BVH file", "Export the motion again.") from error
+    except (ValueError, IndexError) as error:
+        found = "its frames are not all there, or not numbers"
+        raise RecordingError(path, found, "Export the motion again.") from error
     n_channels = sum(len(joint.channels) for joint in joints)
     if not motion or values.shape[1:] != (n_channels,) or not np.isfinite(values).all():
         found = (
@@ -97,6 +94,32 @@ def read_bvh(path: Path, scale: float) -> BvhMotion:
         raise RecordingError(path, found, "Export the motion again.")
     positions, rotations = _forward(joints, values, scale)
     return BvhMotion(joints, rate, positions, rotations)
+
+
+def read_skeleton(path: Path) -> tuple[Joint, ...]:
+    """Read the joints of a BVH file alone.
+
+    Raises
+    ------
+    RecordingError
+        If the file is no BVH.
+    """
+    return _joints(path, _text(path).partition("MOTION")[0])
+
+
+def _text(path: Path) -> str:
+    try:
+        raw = path.read_bytes()
+        return (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode("utf-8")
+    except (OSError, EOFError, UnicodeDecodeError, zlib.error) as error:
+        raise RecordingError(path, f"it cannot be read: {error}", "Give a BVH file.") from error
+
+
+def _joints(path: Path, head: str) -> tuple[Joint, ...]:
+    try:
+        return tuple(_skeleton(iter(head.split())))
+    except (RuntimeError, ValueError, IndexError) as error:
+        raise RecordingError(path, "it is not a BVH file", "Export the motion again.") from error
 
 
 def _skeleton(words: Iterator[str]) -> Iterator[Joint]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from graspdb_ingest.glove_angles import select_glove
 from graspdb_ingest.hand.subject import subject_hand
+from graspdb_ingest.objects.live import read_cloud_times
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.readers.glove import read_glove
 from graspdb_ingest.recording import Recording
@@ -187,6 +188,7 @@ def check_trial(session: Session, trial: SessionTrial) -> TrialReport:
         warnings=_hand_warnings(markers)
         + rigidity_warnings(model, markers.object_markers, distances)
         + _reference_warnings(session, trial)
+        + _cloud_warnings(trial)
         + _glove_warnings(session, trial, whole, markers),
     )
 
@@ -199,6 +201,17 @@ def _reference_warnings(session: Session, trial: SessionTrial) -> tuple[str, ...
         read_reference_contacts(trial.reference_contacts, session.file_scale)
     except GraspDBError as error:
         return (f"reference_contacts: {error}",)
+    return ()
+
+
+def _cloud_warnings(trial: SessionTrial) -> tuple[str, ...]:
+    """Return what keeps a trial's live clouds from being used."""
+    if trial.clouds is None:
+        return ()
+    try:
+        read_cloud_times(trial.clouds)
+    except GraspDBError as error:
+        return (f"clouds: {error}",)
     return ()
 
 

@@ -10,9 +10,9 @@ from graspdb_ingest.contact_map import contact_map
 from graspdb_ingest.grasp_rows import Grasp
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import ContactParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.surface.touch import PosedHand
-from graspdb_ingest.trial import TrackedHand, TrackedTrial
+from graspdb_ingest.trial import TrackedTrial
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.manifest import Session, SessionTrial
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, SITES
@@ -30,12 +30,13 @@ def contact_rows(
     events = [
         {"trial": key, "side": str(side)} | row
         for side, hand in tracked.hands.items()
-        for row in _event_rows(hand, [g for g in grasps if g.side is side], tracked.markers.times)
+        for row in event_rows(
+            hand.events, hand.posed, [g for g in grasps if g.side is side], tracked.markers.times
+        )
     ]
     maps = [
-        map_row(session.id, key, tracked.object.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
+        map_row(session.id, key, grasp.prepared, _at_snapshot(tracked, grasp), grasp.key, parameters)
         for grasp in grasps
-        if tracked.object is not None
     ]
     return {
         "contact_events": pa.Table.from_pylist(events, schema=rows_schema("contact_events")),
@@ -43,16 +44,30 @@ def contact_rows(
     }
 
 
-def _event_rows(hand: TrackedHand, grasps: Sequence[Grasp], times: Floats) -> list[dict[str, object]]:
-    """Return the contacts of a hand in order of time, each with its place among those of its grasp."""
-    owners = [_owner(event, grasps) for event in hand.events]
+def event_rows(
+    events: Sequence[ContactEvent], posed: PosedHand, grasps: Sequence[Grasp], times: Floats
+) -> list[dict[str, object]]:
+    """Return the contacts of a hand in order of time, each with its place among those of its grasp.
+
+    Parameters
+    ----------
+    events : sequence of ContactEvent
+        The contacts.
+    posed : PosedHand
+        The hand in all frames.
+    grasps : sequence of Grasp
+        The grasps of that hand.
+    times : ndarray, shape (n_frames,)
+        Time of each frame [s].
+    """
+    owners = [_owner(event, grasps) for event in events]
     places: dict[ContactEvent, int | None] = {}
     for key in {owner for owner in owners if owner is not None}:
-        own = tuple(event for event, owner in zip(hand.events, owners, strict=True) if owner == key)
+        own = tuple(event for event, owner in zip(events, owners, strict=True) if owner == key)
         places |= dict(zip(own, ranks(own), strict=True))
     return [
-        _event_row(hand, event, times) | {"grasp": owner, "rank": places.get(event)}
-        for event, owner in zip(hand.events, owners, strict=True)
+        _event_row(posed, event, times) | {"grasp": owner, "rank": places.get(event)}
+        for event, owner in zip(events, owners, strict=True)
     ]
 
 
@@ -61,7 +76,7 @@ def _owner(event: ContactEvent, grasps: Sequence[Grasp]) -> str | None:
     return next((g.key for g in grasps if event.first <= g.hold.last and event.last >= g.hold.first), None)
 
 
-def _event_row(hand: TrackedHand, event: ContactEvent, times: Floats) -> dict[str, object]:
+def _event_row(posed: PosedHand, event: ContactEvent, times: Floats) -> dict[str, object]:
     first, last = float(times[event.first]), float(times[event.last])
     return {
         "site": SITES[event.site],
@@ -72,7 +87,7 @@ def _event_row(hand: TrackedHand, event: ContactEvent, times: Floats) -> dict[st
         "last_time": last,
         "before": event.before,
         "after": event.after,
-        "least_gap": float(np.nanmin(hand.posed.gaps.gap[event.first : event.last + 1, event.site])),
+        "least_gap": float(np.nanmin(posed.gaps.gap[event.first : event.last + 1, event.site])),
     }
 
 
@@ -93,7 +108,7 @@ def map_row(
         "session": session,
         "object": prepared.name,
         "surface": parameters.surface,
-        "points": found.points.tolist(),
+        "points": (found.points + prepared.first_point).tolist(),
         "gaps": found.gaps.tolist(),
         "facing": found.facing.tolist(),
     }

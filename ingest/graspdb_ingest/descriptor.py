@@ -11,11 +11,12 @@ without a codebook that ages:
   features; Wahl et al. 2003, 3DIM). Distances are in metres, so size counts.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 from scipy.stats import norm, qmc
 
 from graspdb_ingest.hand.model import Floats
@@ -56,23 +57,24 @@ def describe(
     areas : ndarray, shape (n,)
         Area that each point stands for.
     """
-    return describe_featured(points, normals, fourier_features(histograms), areas)
+    return describe_features(points, normals, local_features(histograms), areas)
 
 
-def describe_featured(
-    points: Floats, normals: Floats, features: Floats, areas: Floats
+def describe_features(
+    points: Floats, normals: Floats, features: NDArray[np.float32], areas: Floats
 ) -> NDArray[np.float32]:
-    """Return the same from the points' `fourier_features`, for many parts of one surface."""
-    local = areas @ features / areas.sum()
+    """Return the same from `local_features`, which an object has once for all of its parts."""
+    local = (areas / areas.sum()).astype(np.float32) @ features
     return np.concatenate([local, _pairs(points, normals, areas)]).astype(np.float32)
 
 
-def fourier_features(histograms: NDArray[np.float32]) -> Floats:
-    """Return the Fourier features of histograms, shape (n, 128)."""
+def local_features(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the Fourier features of histograms of shape (n, 33), shape (n, 128)."""
     total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
     roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
     frequencies, phases = _fourier(roots.shape[1])
-    return np.asarray(np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases))
+    features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
+    return np.asarray(features, dtype=np.float32)
 
 
 @cache
@@ -87,52 +89,49 @@ def _pairs(points: Floats, normals: Floats, areas: Floats) -> Floats:
     """Return the square roots of the shares of pairs in each cell, shape (300,)."""
     n = len(points)
     chosen = np.unique(np.linspace(0, n - 1, min(n, PAIRED_POINTS)).round().astype(np.int64))
-    pairs = _upper(len(chosen))
-    if not len(pairs):
+    if len(chosen) < 2:
         return np.zeros(int(np.prod(PAIR_BINS)))
     points, normals, areas = points[chosen] - points[chosen].mean(axis=0), normals[chosen], areas[chosen]
-    squares = np.einsum("ni,ni->n", points, points)
-    squared = (squares[:, None] + squares - 2 * points @ points.T).ravel()[pairs]
-    distances = np.sqrt(np.maximum(squared, 0.0))
-    # (n_j - n_i) . (p_j - p_i), from the products of every normal with every point.
-    along = normals @ points.T
-    own = np.diagonal(along)
-    bends = (own[:, None] + own - along - along.T).ravel()[pairs] / np.maximum(distances, 1e-12)
+    pairs = _upper(len(chosen))
+    distances = pdist(points)
+    # The normals' difference along the step between two points, by dot products of all with all.
+    dots = normals @ points.T
+    own = np.diagonal(dots)
+    bends = (own[:, None] + own - dots - dots.T).ravel()[pairs] / np.maximum(distances, 1e-12)
     cosines = (normals @ normals.T).ravel()[pairs]
     ranges = (tuple(np.sqrt(PAIR_DISTANCES)), (-1.0, 1.0), (-2.0, 2.0))
     shares = np.outer(areas, areas).ravel()[pairs]
     cells = _soft_histogram((np.sqrt(distances), cosines, bends), ranges, shares)
-    return np.asarray(np.sqrt(cells / cells.sum()))
+    # Sums of products leave cells that nothing falls into a rounding error off zero.
+    return np.asarray(np.sqrt(np.maximum(cells, 0.0) / cells.sum()))
 
 
-@cache
+@lru_cache(maxsize=64)
 def _upper(n: int) -> NDArray[np.int64]:
-    """Return the places, in a flattened matrix of n rows, of the pairs of different points."""
+    """Return the places above the diagonal of a matrix of n rows laid out flat, row by row."""
     first, second = np.triu_indices(n, 1)
-    return np.asarray(n * first + second)
+    return np.asarray(n * first + second, dtype=np.int64)
 
 
 def _soft_histogram(
     values: tuple[Floats, Floats, Floats], ranges: tuple[tuple[float, ...], ...], weights: Floats
 ) -> Floats:
-    """Return a histogram whose entries are shared among neighbouring cells, by distance, flat."""
+    """Return a histogram whose entries are shared among neighbouring cells, by distance, flat.
+
+    An entry's shares in the eight cells around it are products of its places within the lowest of them, so
+    the sums of these products over each lowest cell are all that is needed of the entries.
+    """
+    place = np.zeros(len(weights), dtype=np.int64)
+    moments = np.empty((8, len(weights)))
+    moments[0] = weights
+    for i, (value, (low, high), bins) in enumerate(zip(values, ranges, PAIR_BINS, strict=True)):
+        scaled = np.clip((value - low) / (high - low) * (bins - 1), 0, bins - 1)
+        lower = np.minimum(scaled.astype(np.int64), bins - 2)
+        place = place * bins + lower
+        np.multiply(moments[: 2**i], scaled - lower, out=moments[2**i : 2 ** (i + 1)])
     n_cells = int(np.prod(PAIR_BINS))
-    lower = np.zeros(len(weights), dtype=np.int64)
-    corners = [(0, weights)]
-    stride = n_cells
-    for value, (low, high), bins in zip(values, ranges, PAIR_BINS, strict=True):
-        stride //= bins
-        place = np.clip((value - low) * ((bins - 1) / (high - low)), 0, bins - 1)
-        whole = np.minimum(place.astype(np.int64), bins - 2)
-        lower += stride * whole
-        beyond = place - whole
-        corners = [
-            corner
-            for step, share in corners
-            for upper in (share * beyond,)
-            for corner in ((step, share - upper), (step + stride, upper))
-        ]
-    cells = np.zeros(n_cells)
-    for step, share in corners:
-        cells[step:] += np.bincount(lower, share, minlength=n_cells)[: n_cells - step]
-    return cells
+    sums = np.array([np.bincount(place, row, minlength=n_cells) for row in moments])
+    sums = sums.reshape(2, 2, 2, *PAIR_BINS)  # what the last value multiplies comes first
+    for axis in (2, 1, 0):
+        sums = sums[0] - sums[1] + np.roll(sums[1], 1, axis=axis - 3)
+    return np.asarray(sums.ravel())

@@ -46,14 +46,25 @@ class EnclosingSpace:
         """
         if not len(self.planes):
             return np.zeros(len(points), dtype=bool)
+        inside = np.zeros(len(points), dtype=bool)
+        inside[self._left(points)] = True
+        return inside
+
+    def _left(self, points: Floats) -> NDArray[np.int64]:
+        """Return the points that no side of the bounding box and no face leaves out."""
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        inside = np.all((points >= low - INSIDE_TOLERANCE) & (points <= high + INSIDE_TOLERANCE), axis=1)
-        # A few faces leave out most of what is outside; only the rest need be compared with all of them.
-        for start, stop in ((0, 12), (12, 60), (60, len(self.planes))):
-            planes = self.planes[start:stop]
-            beyond = points[inside] @ planes[:, :3].T + planes[:, 3]
-            inside[inside] = np.all(beyond <= INSIDE_TOLERANCE, axis=1)
-        return np.asarray(inside)
+        left = np.arange(len(points))
+        for axis in range(3):
+            along = points[left, axis]
+            reach = (along >= low[axis] - INSIDE_TOLERANCE) & (along <= high[axis] + INSIDE_TOLERANCE)
+            left = left[reach]
+        # A few faces of all directions leave out most of what is outside; the rest is compared with all.
+        n = len(self.planes)
+        for planes in (self.planes[:: max(1, n // 12)], self.planes[1 :: max(1, n // 48)], self.planes):
+            beyond = points[left] @ planes[:, :3].T
+            beyond += planes[:, 3]
+            left = left[beyond.max(axis=1, initial=-np.inf) <= INSIDE_TOLERANCE]
+        return left
 
 
 def sphere_vertices(count: int) -> Floats:

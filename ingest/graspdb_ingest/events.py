@@ -8,17 +8,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import binary_opening
-from scipy.signal import butter, sosfiltfilt
 
+from graspdb_ingest.contact_spans import Span, contact_spans
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.lift import Rise, lift_onset, object_rise, put_down, smooth_path
 from graspdb_ingest.parameters import EventParameters
+from graspdb_ingest.runs import Mask
 
 SnapshotKind = Literal["lift_onset", "steadiest", "static"]
-Mask = NDArray[np.bool_]
-
-FILTER_ORDER = 2
 
 
 @dataclass(frozen=True)
@@ -51,26 +48,6 @@ class Hold:
     put_down: int | None
     snapshot: int
     snapshot_kind: SnapshotKind
-
-
-@dataclass(frozen=True)
-class _Span:
-    """Frames from first to last in contact, and whether its begin and end were seen."""
-
-    first: int
-    last: int
-    begun: bool
-    released: bool
-
-
-@dataclass(frozen=True)
-class _Rise:
-    """The object's smoothed height [m], and by frame: at rest, four times as fast, raw data known."""
-
-    height: Floats
-    slow: Mask
-    quick: Mask
-    known: Mask
 
 
 def find_holds(
@@ -116,211 +93,41 @@ def find_holds(
     if len(times) < 2:
         return ()
     rate = (len(times) - 1) / float(times[-1] - times[0])
-    spans = _contact_spans(gap, threshold, rate, parameters)
+    spans = contact_spans(gap, threshold, rate, parameters)
     if not spans:
         return ()
-    rise = _rise(gap, positions @ up, rate, parameters)
+    rise = object_rise(gap, positions @ up, rate, parameters)
     speeds = _relative_speed(sites - positions[:, None, :], rate, parameters)
-    holds = []
-    for span in spans:
-        onset = _lift_onset(span, rise, rate, parameters)
-        put_down = None if onset is None else _put_down(span, onset, rise, rate, parameters)
-        steadiest = _steadiest(span, gap < threshold, speeds, parameters)
-        holds.append(
-            Hold(
-                first=span.first,
-                last=span.last,
-                released=span.released,
-                lift_onset=onset,
-                put_down=put_down,
-                snapshot=steadiest if onset is None else onset,
-                snapshot_kind="steadiest" if onset is None else "lift_onset",
-            )
-        )
-    return tuple(holds)
+    return tuple(_hold(span, rise, gap < threshold, speeds, rate, parameters) for span in spans)
 
 
-def _frames(seconds: float, rate: float) -> int:
-    """Return a duration in whole frames, at least one."""
-    return max(1, round(seconds * rate))
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """Return the runs of true values as pairs of first frame and the frame after the last."""
-    edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
-
-
-def _joined_runs(mask: Mask, reach: int) -> list[tuple[int, int]]:
-    """Return the runs of true values, those at most `reach` frames apart joined into one."""
-    joined: list[tuple[int, int]] = []
-    for start, stop in _runs(mask):
-        if joined and start - joined[-1][1] <= reach:
-            joined[-1] = (joined[-1][0], stop)
-        else:
-            joined.append((start, stop))
-    return joined
-
-
-def _touching(gap: Floats, threshold: float, margin: float, reach: int) -> Mask:
-    """Return which spheres are in contact, with hysteresis, shape (n, 20).
-
-    A sphere keeps its state while its gap is between the two thresholds, or unknown for no more
-    than `reach` frames.
-    """
-    lost = binary_opening(np.isnan(gap), structure=np.ones((reach + 1, 1), dtype=np.bool_))
-    on = gap < threshold
-    decided = on | (gap > threshold + margin) | lost
-    frames = np.arange(len(gap))[:, None]
-    latest = np.maximum.accumulate(np.where(decided, frames, -1), axis=0)
-    state = np.take_along_axis(on, np.maximum(latest, 0), axis=0)
-    return np.asarray(state & (latest >= 0))
-
-
-def _contact_spans(gap: Floats, threshold: float, rate: float, parameters: EventParameters) -> list[_Span]:
-    """Return where the hand holds the object.
-
-    A hold reaches outwards over the contact of single spheres; one that lasts from one hold to
-    the next belongs to neither.
-    """
-    reach = _frames(parameters.minimum_gap, rate)
-    unknown = _frames(parameters.maximum_unknown, rate)
-    touching = _touching(gap, threshold, parameters.release_margin, unknown)
-    cores = [
-        core
-        for core in _joined_runs(touching.sum(axis=1) >= parameters.minimum_sites, reach)
-        if core[1] - core[0] >= _frames(parameters.minimum_hold, rate)
-    ]
-    below = np.asarray((gap < threshold).any(axis=1))
-    known = np.asarray(np.isfinite(gap).any(axis=1))
-    spans = []
-    for start, stop in _joined_runs(np.asarray(touching.any(axis=1)), reach):
-        inside = [core for core in cores if start <= core[0] and core[1] <= stop]
-        for i, core in enumerate(inside):
-            outer_start = start if i == 0 else core[0]
-            outer_stop = stop if i == len(inside) - 1 else core[1]
-            contact = outer_start + np.flatnonzero(below[outer_start:outer_stop])
-            first, last = int(contact[0]), int(contact[-1])
-            begun = bool(known[max(0, first - reach) : first].any())
-            released = bool(known[last + 1 : last + 1 + reach].any())
-            spans.append(_Span(first, last, begun, released))
-    return spans
-
-
-def _low_pass(rate: float, cut_off: float) -> Floats | None:
-    """Return the filter's sections, or None where the recording has nothing above the cut-off."""
-    if cut_off >= rate / 2:
-        return None
-    return np.asarray(butter(FILTER_ORDER, cut_off, fs=rate, output="sos"))
-
-
-def _smooth(values: Floats, rate: float, parameters: EventParameters) -> Floats:
-    """Return paths, shape (n, k), through a zero-phase low-pass filter.
-
-    Missing stretches no longer than `minimum_gap` are bridged by straight lines, so that the
-    filter runs on; longer ones stay NaN and part the path in pieces.
-    """
-    smooth = np.full(values.shape, np.nan)
-    known = np.asarray(np.isfinite(values).all(axis=1))
-    sections = _low_pass(rate, parameters.smoothing)
-    for start, stop in _joined_runs(known, _frames(parameters.minimum_gap, rate)):
-        frames = np.arange(start, stop)
-        seen = frames[known[start:stop]]
-        piece = np.column_stack([np.interp(frames, seen, column) for column in values[seen].T])
-        if sections is not None:
-            padding = min(len(piece) - 1, _frames(1 / parameters.smoothing, rate))
-            piece = sosfiltfilt(sections, piece, axis=0, padlen=padding)
-        smooth[start:stop] = piece
-    return smooth
-
-
-def _rise(gap: Floats, height: Floats, rate: float, parameters: EventParameters) -> _Rise:
-    """Return the object's height and its rest; where the height is unknown there is no rest."""
-    smooth = _smooth(height[:, None], rate, parameters)[:, 0]
-    speed = np.abs(np.gradient(smooth, 1 / rate))
-    return _Rise(
-        height=smooth,
-        slow=speed < parameters.rest_speed,
-        quick=speed > 4 * parameters.rest_speed,
-        known=np.asarray(np.isfinite(gap).any(axis=1)),
+def _hold(
+    span: Span, rise: Rise, below: Mask, speeds: Floats, rate: float, parameters: EventParameters
+) -> Hold:
+    """Return the hold of a span, with its lift and its snapshot."""
+    onset = lift_onset(span, rise, rate, parameters)
+    steadiest = _steadiest(span, below, speeds, parameters)
+    return Hold(
+        first=span.first,
+        last=span.last,
+        released=span.released,
+        lift_onset=onset,
+        put_down=None if onset is None else put_down(span, onset, rise, rate, parameters),
+        snapshot=steadiest if onset is None else onset,
+        snapshot_kind="steadiest" if onset is None else "lift_onset",
     )
-
-
-def _lift_onset(span: _Span, rise: _Rise, rate: float, parameters: EventParameters) -> int | None:
-    """Return the frame in which the object first begins to rise from rest within the hold.
-
-    An onset a little before the first contact is moved there, for contact is found with the
-    error of tracking; an object that rose earlier than that was lifted by something else. Where
-    the hold's begin was not seen, the object may hang in the air already: then only a rest near
-    the lowest height of the recording counts.
-    """
-    reach = _frames(parameters.minimum_gap, rate)
-    shortest = _frames(parameters.minimum_rest, rate)
-    begin, end = max(0, span.first - reach), span.last + 1
-    highest = np.inf if span.begun else np.fmin.reduce(rise.height) + parameters.lift_height
-    rests = [
-        (max(start, begin), min(stop, end))
-        for start, stop in _runs(rise.slow)
-        if stop - start >= shortest and stop > begin and start < end
-    ]
-    for i, (start, stop) in enumerate(rests):
-        base = float(np.median(rise.height[start:stop]))
-        until = rests[i + 1][1] if i + 1 < len(rests) else end
-        above = _runs(rise.height[stop:until] > base + parameters.lift_height)
-        raised = [run[0] for run in above if run[1] - run[0] >= shortest]
-        if base > highest or not raised:
-            continue
-        before = slice(start, stop + raised[0])
-        low = rise.height[before] < base + parameters.lift_height / 2
-        still = start + int(np.flatnonzero(rise.slow[before] & low)[-1])
-        onset = max(span.first, _before_threshold(still, start, until, rise, reach))
-        return span.first + int(np.flatnonzero(rise.known[span.first : onset + 1])[-1])
-    return None
-
-
-def _before_threshold(onset: int, start: int, until: int, rise: _Rise, longest: int) -> int:
-    """Return where the rise began that passes the rest speed after frame `onset`.
-
-    From there to four times the rest speed takes a time d. The rise began d/3 before `onset` if
-    it has constant acceleration, and d if its speed grows with the square of time, as in a
-    minimum-jerk movement; the low-pass filter has moved `onset` forward already. The step back
-    is d/2, no longer than `longest` frames, and not beyond the rest's start.
-    """
-    quick = np.flatnonzero(rise.quick[onset:until])
-    if not len(quick):
-        return onset
-    return max(start, onset - min(int(quick[0]) // 2, longest))
-
-
-def _put_down(span: _Span, onset: int, rise: _Rise, rate: float, parameters: EventParameters) -> int | None:
-    """Return the first frame at rest after the last time the object was away from its final height.
-
-    An object that is not released has been put down only if it is back at the height it came from.
-    """
-    # The hand may let go just before the object lies still, so look a little further.
-    end = span.last + 1 + _frames(parameters.minimum_gap, rate)
-    heights = rise.height[onset:end]
-    final = heights[np.isfinite(heights)][-1]
-    if not span.released and abs(final - heights[0]) > parameters.lift_height:
-        return None
-    away = np.flatnonzero(np.abs(heights - final) > parameters.lift_height)
-    if not len(away):
-        return None
-    after = onset + int(away[-1]) + 1
-    still = np.flatnonzero(rise.slow[after:end] & rise.known[after:end])
-    return after + int(still[0]) if len(still) else None
 
 
 def _relative_speed(relative: Floats, rate: float, parameters: EventParameters) -> Floats:
     """Return the mean speed of the sites relative to the object [m/s], shape (n,); NaN if unknown."""
     n_frames, n_sites, _ = relative.shape
-    smooth = _smooth(relative.reshape(n_frames, -1), rate, parameters)
+    smooth = smooth_path(relative.reshape(n_frames, -1), rate, parameters)
     velocity = np.gradient(smooth, 1 / rate, axis=0).reshape(n_frames, n_sites, 3)
     speed = np.linalg.norm(velocity, axis=2).mean(axis=1)
     return np.where(np.isfinite(relative).all(axis=(1, 2)), speed, np.nan)
 
 
-def _steadiest(span: _Span, below: Mask, speeds: Floats, parameters: EventParameters) -> int:
+def _steadiest(span: Span, below: Mask, speeds: Floats, parameters: EventParameters) -> int:
     """Return the frame of least speed among those with nearly the most contacts."""
     counts = below[span.first : span.last + 1].sum(axis=1)
     enough = counts >= max(1.0, parameters.steady_contacts * counts.max())

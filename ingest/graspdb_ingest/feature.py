@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.descriptor import LENGTH, describe
+from graspdb_ingest.descriptor import LENGTH, describe_features
 from graspdb_ingest.enclosure import EnclosingSpace
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.cloud import ObjectCloud
@@ -37,7 +37,7 @@ class GraspableFeature:
 
 
 def graspable_feature(
-    cloud: ObjectCloud, histograms: NDArray[np.float32], space: EnclosingSpace
+    cloud: ObjectCloud, features: NDArray[np.float32], space: EnclosingSpace
 ) -> GraspableFeature:
     """Return the points of a cloud that lie inside an enclosing space.
 
@@ -45,8 +45,8 @@ def graspable_feature(
     ----------
     cloud : ObjectCloud
         The object's surface.
-    histograms : ndarray, shape (n_points, 33)
-        FPFH of the cloud's points.
+    features : ndarray, shape (n_points, 128)
+        `local_features` of the cloud's points.
     space : EnclosingSpace
         The hull, in the object frame.
     """
@@ -62,7 +62,7 @@ def graspable_feature(
         area=float(areas.sum()),
         centroid=centroid,
         extents=principal_extents(positions, areas),
-        descriptor=describe(positions, cloud.normals[points], histograms[points], areas),
+        descriptor=describe_features(positions, cloud.normals[points], features[points], areas),
     )
 
 

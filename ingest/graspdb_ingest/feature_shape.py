@@ -115,7 +115,8 @@ def surface_neighbours(points: Floats, normals: Floats, spacing: float) -> NDArr
     step /= np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     through = np.minimum(np.abs(np.sum(step * first, axis=1)), np.abs(np.sum(step * second, axis=1)))
     beside = (np.sum(first * second, axis=1) > -0.5) & (through < 0.8)
-    return np.asarray(pairs[beside], dtype=np.int64)
+    # By columns, each of which is searched by itself.
+    return np.asfortranarray(pairs[beside], dtype=np.int64)
 
 
 def connected_patches(
@@ -134,9 +135,11 @@ def connected_patches(
     """
     place = np.full(len(areas), -1)
     place[points] = np.arange(len(points))
-    pairs = place[neighbours]
-    kept, n = pairs[(pairs >= 0).all(axis=1)], len(points)
-    graph = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(n, n))
+    first, second = neighbours.T
+    begins = np.flatnonzero(place[first] >= 0)
+    one, two = place[first[begins]], place[second[begins]]
+    both, n = two >= 0, len(points)
+    graph = coo_array((np.ones(int(both.sum())), (one[both], two[both])), shape=(n, n))
     labels = connected_components(graph, directed=False)[1]
     order = np.argsort(-np.bincount(labels, areas[points]), kind="stable")
     rank = np.empty_like(order)

@@ -1,10 +1,13 @@
 """Rows of the tables that have one row a frame: markers and frames."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyarrow as pa
 
 from graspdb_ingest.columns import list_column, number_column, sparse_column
 from graspdb_ingest.contact_events import FREE, TOUCHES, UNKNOWN
+from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_schemas.conform import rows_schema
@@ -13,15 +16,31 @@ from graspdb_schemas.conform import rows_schema
 def marker_rows(trial: str, markers: TrialMarkers) -> pa.Table:
     """Return the positions of every marker of the recording, under its own labels, nothing filled in."""
     recording = markers.recording
-    n = recording.n_frames
-    labels = [list(recording.labels)] * n
+    return position_rows(trial, markers.times, recording.labels, recording.positions)
+
+
+def position_rows(trial: str, times: Floats, labels: Sequence[str], positions: Floats) -> pa.Table:
+    """Return the rows of `markers`.
+
+    Parameters
+    ----------
+    trial : str
+        Key of the trial.
+    times : ndarray, shape (n_frames,)
+        Time of each frame [s].
+    labels : sequence of str
+        Labels of the markers.
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        Where they were [m]; NaN where not seen.
+    """
+    n = len(times)
     return pa.Table.from_pydict(
         {
             "trial": pa.repeat(trial, n),
             "frame": np.arange(n),
-            "time": markers.times,
-            "labels": labels,
-            "positions": list_column(recording.positions),
+            "time": times,
+            "labels": [list(labels)] * n,
+            "positions": list_column(positions),
         },
         schema=rows_schema("markers"),
     )

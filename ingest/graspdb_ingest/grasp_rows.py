@@ -1,5 +1,6 @@
 """Rows of the tables that have one row a grasp or a contact: grasps, contacts, features."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,17 +18,18 @@ from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.feature_shape import FeatureShape, feature_shape
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.objects.live_surface import LiveSurface
 from graspdb_ingest.objects.solid import Inside
 from graspdb_ingest.opposition import Opposition, find_opposition
 from graspdb_ingest.parameters import ContactParameters, IngestParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject, prepare_live_cloud
 from graspdb_ingest.quality import GraspQuality, grasp_quality
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.surface.touch import PosedHand, touching
 from graspdb_ingest.taxonomy import TypedGrasp, grasp_type
 from graspdb_ingest.trial import TrackedHand, TrackedObject, TrackedTrial
 from graspdb_schemas.conform import rows_schema
-from graspdb_schemas.manifest import Session, SessionTrial
+from graspdb_schemas.manifest import Session, SessionObject, SessionTrial
 from graspdb_schemas.vocabulary import DIGIT_OF_SITE, SITES, Side
 
 THUMB_TIP, INDEX_TIP = SITES.index("thumb_tip"), SITES.index("index_tip")
@@ -45,6 +47,8 @@ class Grasp:
         Right or left.
     hold : Hold
         When.
+    prepared : PreparedObject
+        What it holds, as it was at the snapshot.
     contacts : Contacts
         What touched where.
     space : EnclosingSpace
@@ -66,6 +70,7 @@ class Grasp:
     key: str
     side: Side
     hold: Hold
+    prepared: PreparedObject
     contacts: Contacts
     space: EnclosingSpace
     feature: GraspableFeature
@@ -76,23 +81,54 @@ class Grasp:
     quality: GraspQuality
 
 
-def find_grasps(trial: str, tracked: TrackedTrial, parameters: IngestParameters) -> list[Grasp]:
+def find_grasps(
+    trial: str, described: SessionObject | None, tracked: TrackedTrial, parameters: IngestParameters
+) -> list[Grasp]:
     """Return the grasps of a trial: contacts, enclosing space and feature at each hold's snapshot."""
-    if tracked.object is None:
+    if tracked.object is None or described is None:
         return []
-    return [
-        _grasp(f"{trial}/{side}/{number}", hold, hand, tracked.object, parameters)
+    holds = [
+        (f"{trial}/{side}/{number}", hold, hand)
         for side, hand in tracked.hands.items()
         for number, hold in enumerate(hand.holds)
     ]
+    snapshots = [hold.snapshot for _, hold, _ in holds]
+    things = held_objects(described, tracked.object, snapshots, parameters)
+    return [
+        _grasp(key, hold, hand, tracked.object, things[hold.snapshot], parameters)
+        for key, hold, hand in holds
+    ]
+
+
+def held_objects(
+    described: SessionObject, followed: TrackedObject, frames: Sequence[int], parameters: IngestParameters
+) -> dict[int, PreparedObject]:
+    """Return a trial's object in some frames: its model, or the live clouds that show it then.
+
+    The points of several live clouds stand in the database one cloud after the other.
+    """
+    if not isinstance(followed.model, LiveSurface):
+        return dict.fromkeys(frames, followed.model)
+    things: dict[int, PreparedObject] = {}
+    first = 0
+    for number in sorted({int(followed.model.of_frame[frame]) for frame in frames}):
+        live = followed.model.clouds[number]
+        things[number] = prepare_live_cloud(described, live, first, parameters)
+        first += len(live.cloud.points)
+    return {frame: things[int(followed.model.of_frame[frame])] for frame in frames}
 
 
 def _grasp(
-    key: str, hold: Hold, hand: TrackedHand, followed: TrackedObject, parameters: IngestParameters
+    key: str,
+    hold: Hold,
+    hand: TrackedHand,
+    followed: TrackedObject,
+    prepared: PreparedObject,
+    parameters: IngestParameters,
 ) -> Grasp:
     posed = hand.posed.frame(hold.snapshot)
     rotation = _object_from_hand(hand, followed, hold.snapshot)[:3, :3]
-    return enclose(key, hold, posed, rotation, followed.prepared, parameters)
+    return enclose(key, hold, posed, rotation, prepared, parameters)
 
 
 def enclose(
@@ -124,16 +160,16 @@ def enclose(
     contacts = touching(posed, parameters.contact.threshold, prepared.distance)
     centres, radii = posed.points.sites[contacts.sites], posed.points.radii[contacts.sites]
     space = enclosing_space(centres, radii, parameters.contact.sphere_vertices)
-    feature = graspable_feature(prepared.cloud, prepared.histograms, space)
+    feature = graspable_feature(prepared.cloud, prepared.features, space)
     shape = feature_shape(
         prepared.cloud, prepared.curvatures, prepared.neighbours, feature.points, rotation, side
     )
     opposed = find_opposition(contacts)
-    typed = grasp_type(contacts, opposed)
+    typed = grasp_type(contacts, opposed, posed.points)
     inside = prepared.solid.inside(space.vertices, space.faces)
     edges = parameters.quality.cone_edges
     quality = grasp_quality(contacts.positions, contacts.normals, prepared.mechanics, edges)
-    return Grasp(key, side, hold, contacts, space, feature, shape, inside, opposed, typed, quality)
+    return Grasp(key, side, hold, prepared, contacts, space, feature, shape, inside, opposed, typed, quality)
 
 
 def grasp_rows(
@@ -147,18 +183,18 @@ def grasp_rows(
     if tracked.object is None or not grasps:
         return {}
     followed, times = tracked.object, tracked.markers.times
-    key, name = f"{session.id}/{trial.name}", followed.prepared.name
+    key = f"{session.id}/{trial.name}"
     common = {
         "session": session.id,
         "trial": key,
         "subject": trial.subject,
-        "object": name,
+        "object": trial.object,
         "task": trial.task,
         "repetition": trial.repetition,
     }
     rows = [common | _grasp_row(g, tracked.hands[g.side], followed, times, parameters) for g in grasps]
     contacts = [row for grasp in grasps for row in contact_rows(key, grasp)]
-    features = [feature_row(session.id, key, followed.prepared, grasp) for grasp in grasps]
+    features = [feature_row(session.id, key, grasp) for grasp in grasps]
     return {
         "grasps": pa.Table.from_pylist(rows, schema=rows_schema("grasps")),
         "contacts": pa.Table.from_pylist(contacts, schema=rows_schema("contacts")),
@@ -249,7 +285,7 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
             "trial": trial,
             "site": SITES[site],
             "digit": DIGIT_OF_SITE[site],
-            "point": int(found.points[i]),
+            "point": int(found.points[i]) + grasp.prepared.first_point,
             "position": found.positions[i].tolist(),
             "normal": found.normals[i].tolist(),
             "gap": float(found.gap[i]),
@@ -260,16 +296,16 @@ def contact_rows(trial: str, grasp: Grasp) -> list[dict[str, object]]:
     ]
 
 
-def feature_row(session: str, trial: str, prepared: PreparedObject, grasp: Grasp) -> dict[str, object]:
+def feature_row(session: str, trial: str, grasp: Grasp) -> dict[str, object]:
     """Return the row of `features`."""
-    feature, shape, space = grasp.feature, grasp.shape, grasp.space
+    feature, shape, space, prepared = grasp.feature, grasp.shape, grasp.space, grasp.prepared
     empty = not len(feature.points)
     return {
         "grasp": grasp.key,
         "trial": trial,
         "session": session,
         "object": prepared.name,
-        "points": feature.points.tolist(),
+        "points": (feature.points + prepared.first_point).tolist(),
         "hull_vertices": space.vertices.tolist(),
         "hull_faces": space.faces.tolist(),
         "centroid": None if empty else feature.centroid.tolist(),

@@ -44,8 +44,9 @@ def input_key(session: Session, trial: SessionTrial, parameters: IngestParameter
         files += [trial.clouds, *(file for file in beside if file.suffix.lower() in CLOUD_FORMATS)]
     if trial.reference_contacts is not None:
         files.append(trial.reference_contacts)
-    if trial.object is not None:
-        files.append(session.objects[trial.object].mesh)
+    mesh = None if trial.object is None else session.objects[trial.object].mesh
+    if mesh is not None:
+        files.append(mesh)
     if trial.glove is not None:
         files.append(trial.glove)
     part = [trial.source_file, trial.task, trial.repetition, trial.start, trial.end]

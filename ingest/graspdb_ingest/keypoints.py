@@ -20,7 +20,7 @@ from graspdb_ingest.hand.dimensions import (
 )
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.rigid import fit_rigid
 from graspdb_ingest.surface import HandPoints
 from graspdb_ingest.surface.touch import PosedHand, pose_hand
@@ -98,7 +98,7 @@ def check_key_points(key_points: Floats, name: str) -> None:
     if not np.isfinite(key_points).all():
         broken = KEY_POINTS[int(np.argmin(np.isfinite(key_points).all(axis=(0, 2))))]
         raise ParameterError(f"{name}.{broken}", "not a finite position", "21 finite positions [m]")
-    lengths = _lengths(key_points)
+    lengths = hand_lengths(key_points)
     low, high = PLAUSIBLE_HAND_LENGTH
     odd = lengths[(lengths < low) | (lengths > high)]
     if len(odd):
@@ -123,7 +123,7 @@ def dimensions_of(key_points: Floats) -> HandDimensions:
         If the key points are not finite, or those of no hand in metres.
     """
     check_key_points(key_points, "key points")
-    length = float(np.median(_lengths(key_points)))
+    length = float(np.median(hand_lengths(key_points)))
     row = np.linalg.norm(key_points[:, _KNUCKLES[0]] - key_points[:, _KNUCKLES[-1]], axis=1)
     index, little = (np.array(BASE_JOINT_PROPORTIONS[finger]) for finger in (FINGERS[0], FINGERS[-1]))
     along, across = np.abs(index - little)[0] * length, float(np.linalg.norm((index - little)[1:]))
@@ -165,7 +165,7 @@ def static_grasp(
     return enclose(key, STATIC, posed, rotation, prepared, parameters), posed
 
 
-def _lengths(key_points: Floats) -> Floats:
+def hand_lengths(key_points: Floats) -> Floats:
     """Return the hand length that the middle finger of each grasp says [m], shape (n,)."""
     first = KEY_POINTS.index("middle_mcp")
     chain = key_points[:, [0, *range(first, first + 4)]]

@@ -16,7 +16,8 @@ from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.objects.pose import track_object
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_hand, prepare_object
+from graspdb_ingest.prepare import prepare_hand
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_ingest.rigid import fit_rigid
 from graspdb_ingest.tracking.following import make_follower
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model

@@ -14,14 +14,17 @@ from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import file_sha256, input_key, software_version
 from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
+from graspdb_ingest.objects.live_surface import LiveSurface, follow_surface
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedHand, PreparedObject
+from graspdb_ingest.prepare import PreparedHand
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.readers.glove import read_glove
 from graspdb_ingest.recording import Recording
 from graspdb_ingest.reference_contacts import read_reference_contacts, reference_rows
+from graspdb_ingest.session_rows import live_object_rows
 from graspdb_ingest.tracking.faults import describe
-from graspdb_ingest.trial import TrackedTrial, track_trial
+from graspdb_ingest.trial import TrackedHand, TrackedTrial, track_trial
 from graspdb_ingest.trial_markers import TrialMarkers, select_markers
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.conform import rows_schema
@@ -39,7 +42,7 @@ class Context:
     hands : mapping of Side to PreparedHand
         The subject's calibrated hands.
     object : PreparedObject or None
-        The object, where the trial has one.
+        The object, where the trial has one that there is a model of.
     problems : tuple of str
         Why a hand or the object could not be prepared; such a trial is rejected.
     """
@@ -68,7 +71,8 @@ def process_trial(
     Returns
     -------
     TrialTables
-        The trial's rows; those of the session that it stands on are `session_rows`. A rejected
+        The trial's rows; those of the session that it stands on are `session_rows`, but for an object that
+        live clouds alone show: its rows come with the trial. A rejected
         trial brings its row in `trials`, and its markers where they could be read.
     """
     key = f"{session.id}/{trial.name}"
@@ -99,13 +103,16 @@ def process_trial(
         except GraspDBError as error:
             notes.append(f"reference_contacts not used: {error}")
     if tracked is not None:
-        grasps = find_grasps(key, tracked, parameters)
+        described = None if trial.object is None else session.objects[trial.object]
+        grasps = find_grasps(key, described, tracked, parameters)
         n_grasps = len(grasps)
         rows["frames"] = frame_rows(key, tracked)
         rows |= grasp_rows(session, trial, tracked, grasps, parameters.contact)
         rows |= contact_rows(session, trial, tracked, grasps, parameters.contact)
-    described = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
-    rows["trials"] = pa.Table.from_pylist([described | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
+        if described is not None and described.mesh is None:
+            rows |= live_object_rows(session.id, described, tracked, grasps, parameters)
+    row = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
+    rows["trials"] = pa.Table.from_pylist([row | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
 
 
@@ -116,14 +123,16 @@ def _clouds(
     context: Context,
     parameters: IngestParameters,
     notes: list[str],
-) -> CloudTrack | None:
-    """Return the object as followed in the trial's live clouds, if it has any."""
-    if trial.clouds is None or context.object is None:
+) -> CloudTrack | LiveSurface | None:
+    """Return the object as followed in the trial's live clouds, or as they alone show it, if it has any."""
+    if trial.clouds is None or trial.object is None:
         return None
-    files = read_cloud_times(trial.clouds)
-    found = follow_clouds(
-        files, session.file_scale, context.object.cloud, markers.times, parameters.registration
-    )
+    files, scale, times = read_cloud_times(trial.clouds), session.file_scale, markers.times
+    found: CloudTrack | LiveSurface
+    if context.object is None:
+        found = follow_surface(files, scale, times, parameters.cloud, parameters.registration)
+    else:
+        found = follow_clouds(files, scale, context.object.cloud, times, parameters.registration)
     notes.extend(found.notes)
     return found
 
@@ -191,9 +200,24 @@ def _hand_notes(tracked: TrackedTrial) -> list[str]:
     notes: list[str] = []
     for hand in tracked.hands.values():
         notes += [*hand.prepared.notes, *(() if hand.glove is None else hand.glove.notes)]
+        notes += _no_grasp(tracked, hand)
         recording, labels = tracked.markers.recording, hand.prepared.hand.markers
         notes += describe(hand.track.faults, labels, recording.rate, float(tracked.markers.times[0]))
     return notes
+
+
+def _no_grasp(tracked: TrackedTrial, hand: TrackedHand) -> list[str]:
+    """Return why a hand that is beside an object holds nothing."""
+    if tracked.object is None or hand.holds:
+        return []
+    side, gap = hand.prepared.hand.side, hand.posed.gaps.gap
+    if not tracked.object.track.known.any():
+        return [f"no grasp by the {side} hand: where the object is, is never known"]
+    if not np.isfinite(gap).any():
+        return [f"no grasp by the {side} hand: hand and object are never known at once"]
+    return [
+        f"no grasp by the {side} hand: it comes no nearer to the object than {1e3 * np.nanmin(gap):.1f} mm"
+    ]
 
 
 def _gloves(

@@ -1,28 +1,19 @@
-"""What is done once for a session, before its trials: clouds of objects, calibrated hands."""
+"""What is done once for a session's hands, before its trials: they are calibrated."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from graspdb_ingest.descriptor import descriptor_kind
-from graspdb_ingest.feature_shape import surface_neighbours
 from graspdb_ingest.hand import HandModel
+from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
-from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
-from graspdb_ingest.objects.curvature import principal_curvatures
-from graspdb_ingest.objects.distance import ObjectDistance
-from graspdb_ingest.objects.fpfh import point_histograms
-from graspdb_ingest.objects.mechanics import Mechanics, object_mechanics
-from graspdb_ingest.objects.mesh import Surface, load_surface
-from graspdb_ingest.objects.solid import Solid
-from graspdb_ingest.parameters import IngestParameters, TrackingParameters
+from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
 from graspdb_ingest.tracking.frame_choice import sample_frames
@@ -31,56 +22,10 @@ from graspdb_ingest.tracking.noise import WINDOWS, estimate_noise
 from graspdb_ingest.tracking.posture_learning import LearnedPrior, learn_prior
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.errors import GraspDBError, TrackingError
-from graspdb_schemas.manifest import Session, SessionObject, SessionTrial, Subject
+from graspdb_schemas.manifest import Session, SessionTrial, Subject
 from graspdb_schemas.vocabulary import Side
 
 NOTHING: Final[Mapping[str, Bools]] = {}
-
-
-@dataclass(frozen=True)
-class PreparedObject:
-    """An object ready for contact: its surface, its cloud and the cloud's histograms.
-
-    Attributes
-    ----------
-    name : str
-        Key in the manifest.
-    surface : Surface
-        The mesh or cloud as loaded.
-    cloud : ObjectCloud
-        Evenly spaced points.
-    distance : ObjectDistance
-        How far it is: exact to the mesh, where there is one.
-    histograms : ndarray of float32, shape (n_points, 33)
-        FPFH of every point.
-    descriptor_kind : str
-        Kind of the descriptors that are made of them.
-    marker_labels : tuple of str
-        Its markers.
-    marker_positions : ndarray, shape (n_markers, 3)
-        Their places in the object frame [m].
-    mechanics : Mechanics
-        Friction, center of mass and radius.
-    curvatures : ndarray, shape (n_points, 2)
-        Principal curvatures of the cloud's points [1/m].
-    neighbours : ndarray of int, shape (m, 2)
-        Pairs of the cloud's points that are neighbours on the surface.
-    solid : Solid
-        The body that its mesh bounds, if it is closed.
-    """
-
-    name: str
-    surface: Surface
-    cloud: ObjectCloud
-    distance: ObjectDistance
-    histograms: NDArray[np.float32]
-    descriptor_kind: str
-    marker_labels: tuple[str, ...]
-    marker_positions: Floats
-    mechanics: Mechanics
-    curvatures: Floats
-    neighbours: NDArray[np.int64]
-    solid: Solid
 
 
 @dataclass(frozen=True)
@@ -122,27 +67,6 @@ class PreparedHand:
     notes: tuple[str, ...] = ()
 
 
-def prepare_object(described: SessionObject, parameters: IngestParameters) -> PreparedObject:
-    """Load an object's surface, sample its cloud and describe its points and its mechanics."""
-    surface = load_surface(described.mesh, described.mesh_scale)
-    cloud = sample_cloud(surface, parameters.cloud)
-    friction = parameters.quality.friction
-    return PreparedObject(
-        name=described.name,
-        surface=surface,
-        cloud=cloud,
-        distance=ObjectDistance(surface, cloud),
-        histograms=point_histograms(cloud, parameters.cloud),
-        descriptor_kind=descriptor_kind(parameters.cloud),
-        marker_labels=tuple(described.markers),
-        marker_positions=np.array(list(described.markers.values()), dtype=float).reshape(-1, 3),
-        mechanics=object_mechanics(surface, cloud, friction, described.friction, described.center_of_mass),
-        curvatures=principal_curvatures(cloud.points, cloud.normals, cloud.spacing),
-        neighbours=surface_neighbours(cloud.points, cloud.normals, cloud.spacing),
-        solid=Solid(surface),
-    )
-
-
 def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:
     """Return the recordings a subject's hand is calibrated from: those named, else the own trials."""
     own = tuple(trial.file for trial in session.trials if trial.subject == subject.name)
@@ -180,7 +104,6 @@ def prepare_hand(
         If no recording shows enough of the hand.
     """
     file = subject_hand(session, subject, side)
-    default = default_prior(file.hand)
     durations: list[float] = []
 
     def markers() -> Iterator[Floats]:
@@ -189,20 +112,59 @@ def prepare_hand(
             yield recording.markers
 
     sample = sample_frames(markers())
+    some = _noise_recordings(session, subject, side, hidden)
+    return hand_from_sample(subject.name, file, sample, sum(durations), some, parameters)
+
+
+def hand_from_sample(
+    subject: str,
+    file: HandFile,
+    sample: Floats,
+    duration: float,
+    recordings: Sequence[tuple[Floats, float]],
+    parameters: TrackingParameters,
+) -> PreparedHand:
+    """Calibrate a hand and learn its postures from a sample of its frames.
+
+    Parameters
+    ----------
+    subject : str
+        Name of the subject.
+    file : HandFile
+        The hand before calibration.
+    sample : ndarray, shape (n_frames, n_markers, 3)
+        An even sample of the frames of its recordings [m].
+    duration : float
+        How long they are together [s].
+    recordings : sequence of tuple (ndarray of shape (n_frames, n_markers, 3), float)
+        Some of them with their rates [Hz], that tell the scales of movement and of noise; those that the
+        parameters assume stand if there is none.
+    parameters : TrackingParameters
+        Usual noise and time scale.
+
+    Raises
+    ------
+    TrackingError
+        If the sample does not show enough of the hand.
+    """
+    default = default_prior(file.hand)
     with threadpool_limits(1):
         calibration = calibrate_hand(file.hand, file.placements, [sample], default, parameters.marker_sd)
         learned = learn_prior(
             calibration.hand,
             sample,
-            sum(durations),
+            duration,
             default,
             calibration.marker_sd,
             parameters.posture_time,
         )
-        some = _noise_recordings(session, subject, side, hidden)
-        noise = estimate_noise(calibration.hand, some, learned.prior, parameters)
+        noise = (
+            estimate_noise(calibration.hand, list(recordings), learned.prior, parameters)
+            if recordings
+            else MotionNoise.assumed(parameters)
+        )
     return PreparedHand(
-        subject=subject.name,
+        subject=subject,
         hand=calibration.hand,
         prior=learned.prior,
         calibrated_markers=tuple(m for m, place in file.placements.items() if place.calibrated),

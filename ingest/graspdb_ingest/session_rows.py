@@ -7,11 +7,15 @@ import numpy as np
 import pyarrow as pa
 
 from graspdb_ingest.columns import list_column
+from graspdb_ingest.grasp_rows import Grasp, held_objects
 from graspdb_ingest.hand.model import Floats
-from graspdb_ingest.prepare import PreparedHand, PreparedObject
+from graspdb_ingest.parameters import IngestParameters
+from graspdb_ingest.prepare import PreparedHand
+from graspdb_ingest.prepared_object import PreparedObject, join_live_clouds
+from graspdb_ingest.trial import TrackedTrial
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.conform import rows_schema
-from graspdb_schemas.manifest import Session
+from graspdb_schemas.manifest import Session, SessionObject
 
 
 def session_rows(
@@ -21,7 +25,7 @@ def session_rows(
     rows = {
         "sessions": _session(session),
         "subjects": _subjects(session),
-        "hands": _hands(session.id, hands),
+        "hands": hand_rows(session.id, hands),
     }
     if objects:
         described = session.objects
@@ -87,7 +91,8 @@ def object_row(session: str, prepared: PreparedObject, category: str | None, mas
     )
 
 
-def _hands(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
+def hand_rows(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
+    """Return the rows of `hands`: calibrated hand models."""
     return pa.Table.from_pydict(
         {
             "session": [session] * len(hands),
@@ -131,6 +136,30 @@ def object_point_rows(session: str, prepared: PreparedObject) -> pa.Table:
         },
         schema=rows_schema("object_points"),
     )
+
+
+def live_object_rows(
+    session: str,
+    described: SessionObject,
+    tracked: TrackedTrial,
+    grasps: Sequence[Grasp],
+    parameters: IngestParameters,
+) -> dict[str, pa.Table]:
+    """Return the rows of an object that a trial's live clouds alone show: of the clouds of its grasps.
+
+    A trial without a grasp has those of its first cloud; one without a cloud that can be used, none.
+    """
+    if tracked.object is None or not tracked.object.track.known.any():
+        return {}
+    parts = {grasp.prepared.first_point: grasp.prepared for grasp in grasps}
+    if not parts:
+        first = int(tracked.object.track.known.argmax())
+        parts = {0: held_objects(described, tracked.object, [first], parameters)[first]}
+    thing = join_live_clouds(described, [parts[i] for i in sorted(parts)], parameters)
+    return {
+        "objects": object_row(session, thing, described.category, described.mass),
+        "object_points": object_point_rows(session, thing),
+    }
 
 
 def _known(by_marker: Floats) -> list[float | None]:

@@ -11,9 +11,11 @@ from graspdb_ingest.events import Hold, find_holds
 from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.objects.live import CloudTrack
+from graspdb_ingest.objects.live_surface import LiveSurface
 from graspdb_ingest.objects.pose import ObjectTrack, track_object
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedHand, PreparedObject
+from graspdb_ingest.prepare import PreparedHand
+from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.surface import HandPoints, key_points
 from graspdb_ingest.surface.touch import PosedHand, pose_hand
@@ -31,17 +33,38 @@ class TrackedObject:
 
     Attributes
     ----------
-    prepared : PreparedObject
-        Surface, cloud and histograms.
+    model : PreparedObject or LiveSurface
+        Surface, cloud and histograms; or the live clouds that are all that is known of it.
     track : ObjectTrack
         Pose in every frame.
     fitness : ndarray, shape (n_frames,), or None
         Fitness of the registration to a live cloud; None where markers told the pose.
     """
 
-    prepared: PreparedObject
+    model: PreparedObject | LiveSurface
     track: ObjectTrack
     fitness: Floats | None = None
+
+    def pose_hand(self, points: HandPoints, surface: str) -> PosedHand:
+        """Return a hand's surface and gaps, for key points of shape (n_frames, 21, 3) in the object frame."""
+        if isinstance(self.model, PreparedObject):
+            return pose_hand(points, surface, self.model.distance)
+        posed = pose_hand(points, surface, None)
+        for number, live in enumerate(self.model.clouds):
+            frames = np.flatnonzero(self.model.of_frame == number)
+            if len(frames):
+                some = replace(points, key_points=points.key_points[frames])
+                posed.gaps.fill(frames, pose_hand(some, surface, live.distance).gaps)
+        return posed
+
+    @property
+    def middle(self) -> Floats:
+        """The object's middle in every frame, lab frame [m], shape (n_frames, 3)."""
+        pose = self.track
+        if not isinstance(self.model, PreparedObject):
+            return pose.positions
+        middle = self.model.cloud.points.mean(axis=0)
+        return np.asarray(np.einsum("nij,j->ni", pose.rotations, middle) + pose.positions)
 
 
 @dataclass(frozen=True)
@@ -104,7 +127,7 @@ def track_trial(
     up: Floats,
     parameters: IngestParameters,
     gloves: Mapping[Side, GloveAngles] | None = None,
-    clouds: CloudTrack | None = None,
+    clouds: CloudTrack | LiveSurface | None = None,
 ) -> TrackedTrial:
     """Follow the hands and the object of a trial, and find the holds.
 
@@ -115,33 +138,22 @@ def track_trial(
     hands : mapping of Side to PreparedHand
         The subject's calibrated hands.
     prepared : PreparedObject or None
-        The object.
+        The object, where there is a model of it.
     up : ndarray, shape (3,)
         Vertical of the lab frame.
     parameters : IngestParameters
         All thresholds.
     gloves : mapping of Side to GloveAngles, optional
         Data gloves that the hands wore.
-    clouds : CloudTrack, optional
-        The object as followed in live clouds, in place of its markers.
+    clouds : CloudTrack or LiveSurface, optional
+        The object as followed in live clouds, in place of its markers, or as they alone show it.
 
     Raises
     ------
     TrackingError
         If a hand cannot be followed, or not in enough frames, or does not fit its markers.
     """
-    followed = None
-    if prepared is not None and clouds is not None:
-        followed = TrackedObject(prepared, clouds.track, clouds.fitness)
-    elif prepared is not None:
-        followed = TrackedObject(
-            prepared,
-            track_object(
-                markers.object_markers,
-                np.asarray(prepared.marker_positions, dtype=np.float64),
-                parameters.pose,
-            ),
-        )
+    followed = _follow_object(markers, prepared, clouds, parameters)
     tracked = {}
     for side, hand in hands.items():
         positions, rate = markers.hands[side], markers.recording.rate
@@ -153,6 +165,22 @@ def track_trial(
         check_track(track, hand.hand, positions, hand.prior, side, parameters.tracking)
         tracked[side] = replace(_with_holds(hand, track, followed, markers, up, parameters), glove=glove)
     return TrackedTrial(markers, followed, tracked)
+
+
+def _follow_object(
+    markers: TrialMarkers,
+    prepared: PreparedObject | None,
+    clouds: CloudTrack | LiveSurface | None,
+    parameters: IngestParameters,
+) -> TrackedObject | None:
+    if isinstance(clouds, LiveSurface):
+        return TrackedObject(clouds, clouds.track, clouds.fitness)
+    if prepared is None:
+        return None
+    if clouds is not None:
+        return TrackedObject(prepared, clouds.track, clouds.fitness)
+    places = np.asarray(prepared.marker_positions, dtype=np.float64)
+    return TrackedObject(prepared, track_object(markers.object_markers, places, parameters.pose))
 
 
 def follow(
@@ -209,11 +237,9 @@ def _with_holds(
         posed = pose_hand(points, name, None)
         states = np.full((n_frames, 20), UNKNOWN, dtype=np.int8)
         return TrackedHand(hand, track, sites, posed, states, (), ())
-    posed = pose_hand(points, name, followed.prepared.distance)
+    posed = followed.pose_hand(points, name)
     gap = posed.gaps.gap
-    cloud = followed.prepared.cloud
-    middle = np.einsum("nij,j->ni", pose.rotations, cloud.points.mean(axis=0)) + pose.positions
-    holds = find_holds(markers.times, gap, middle, track.sites, up, threshold, timing)
+    holds = find_holds(markers.times, gap, followed.middle, track.sites, up, threshold, timing)
     # Of the three directions of space one lies along the gap.
     states = contact_states(gap, track.sites_sd / np.sqrt(3), threshold, timing.release_margin)
     events = contact_events(states, markers.recording.rate, timing)

@@ -157,3 +157,17 @@ class MissingLibraryError(GraspDBError):
         self.found = found
         self.remedy = remedy
         super().__init__(f"{library} cannot be loaded: {found}. {remedy}")
+
+
+class ImportSourceError(GraspDBError):
+    """A folder or file is not the data set that it is to be imported as, or not all of it."""
+
+    def __init__(self, path: Path, found: str, remedy: str) -> None:
+        self.path = path
+        self.found = found
+        self.remedy = remedy
+        super().__init__(f"{path}: {found}. {remedy}")
+
+
+class UnsafeFileError(ImportSourceError):
+    """A file of a data set holds something that data do not need, and that could do harm."""

@@ -73,8 +73,8 @@ class SessionObject:
     ----------
     name : str
         Key in the manifest.
-    mesh : Path
-        File of the mesh or cloud.
+    mesh : Path or None
+        File of the mesh or cloud; None where the live clouds of its trials are all that is known of it.
     mesh_scale : float
         Factor from the mesh's numbers to metres.
     markers : mapping of str to tuple of float
@@ -90,7 +90,7 @@ class SessionObject:
     """
 
     name: str
-    mesh: Path
+    mesh: Path | None
     mesh_scale: float
     markers: Mapping[str, Vector]
     mass: float | None = None

@@ -163,6 +163,10 @@ def _marker_names(manifest: Mapping[str, Any]) -> Iterator[Problem]:
 
 def _object(key: str, entry: Mapping[str, Any], taken: set[str], metres: float | None) -> Iterator[Problem]:
     markers = table(entry.get("markers"))
+    for name in ("mesh_units", "markers", "center_of_mass"):
+        if name in entry and "mesh" not in entry:
+            allowed = "nothing without a mesh, whose unit or frame it is in"
+            yield Problem(f"{key}.{name}", "a value", allowed)
     for label in sorted(taken & set(markers)):
         allowed = "a label that the hand's marker set does not have"
         yield Problem(f"{key}.markers.{label}", "a label of the hand's markers too", allowed)
@@ -199,14 +203,25 @@ def _trials(manifest: Mapping[str, Any]) -> Iterator[Problem]:
             if isinstance(name, str) and name not in names:
                 listed = ", ".join(names) or f"none, since the manifest has no {kind}s"
                 yield Problem(f"{key}.{kind}", repr(name), listed + nearest(name, names))
-        described = table(table(manifest.get("objects")).get(str(trial.get("object"))))
-        if described and "markers" not in described and "clouds" not in trial:
-            allowed = "an object with markers, or a trial with clouds"
-            yield Problem(f"{key}.object", f"{trial.get('object')!r}, which has no markers", allowed)
+        if "clouds" not in trial:
+            yield from _shown_by_markers(key, trial.get("object"), table(manifest.get("objects")))
         yield from _hand_of_trial(key, trial, table(manifest.get("subjects")))
         start, end = _number(trial.get("start")), _number(trial.get("end"))
         if start is not None and end is not None and start >= end:
             yield Problem(f"{key}.start", f"{start:g} s", f"less than the end, {end:g} s")
+
+
+def _shown_by_markers(key: str, name: object, objects: Mapping[str, Any]) -> Iterator[Problem]:
+    """Report what keeps an object from being followed by markers, in a trial without clouds."""
+    if not isinstance(name, str) or name not in objects:
+        return
+    described = table(objects[name])
+    if "mesh" not in described:
+        allowed = "an object with a mesh, or a trial with clouds"
+        yield Problem(f"{key}.object", f"{name!r}, which has no mesh", allowed)
+    elif "markers" not in described:
+        allowed = "an object with markers, or a trial with clouds"
+        yield Problem(f"{key}.object", f"{name!r}, which has no markers", allowed)
 
 
 def _hand_of_trial(key: str, trial: Mapping[str, Any], subjects: Mapping[str, Any]) -> Iterator[Problem]:

@@ -204,8 +204,8 @@ class _Builder:
         return {side: self._paths[f"{key}.{side}"] for side in Side if f"{key}.{side}" in self._paths}
 
     def _object(self, name: str, entry: Mapping[str, Any]) -> SessionObject:
-        mesh = self._paths[f"objects.{name}.mesh"]
-        says_metres = mesh.suffix.lower() in (".glb", ".gltf")  # glTF has no other unit
+        mesh = self._paths.get(f"objects.{name}.mesh")
+        says_metres = mesh is not None and mesh.suffix.lower() in (".glb", ".gltf")  # glTF has no other unit
         units = entry.get("mesh_units", "m" if says_metres else self._raw["units"])
         return SessionObject(
             name=name,

@@ -171,6 +171,10 @@ TRIALS: Final = pa.schema(
             "m/s^1.5, rad/s^1.5, s, m",
         ),
         _column("n_grasps", pa.int32(), "number of grasps found"),
+        _column("data_set", pa.string(), "data set it was imported from; null for own recordings"),
+        _column("data_set_version", pa.string(), "version of that data set"),
+        _column("original_id", pa.string(), "what the data set calls it"),
+        _column("licence", pa.string(), "licence note of the data; null for own recordings"),
         _column(
             "glove_offset", pa.map_(pa.string(), pa.float64()), "constant offset of each glove sensor", "rad"
         ),
@@ -421,6 +425,19 @@ REFERENCE_CONTACTS: Final = pa.schema(
     ]
 )
 
+MEASURED_MAPS: Final = pa.schema(
+    [
+        _TRIAL,
+        _SESSION,
+        _OBJECT,
+        _column("frame", pa.int32(), "frame of the trial that it belongs to; null where it is the trial's"),
+        _column("kind", pa.string(), "how contact was found: thermal, annotated", nullable=False),
+        _column("points", INDICES, "indices of the object's points with any contact"),
+        _column("contact", VECTOR32, "contact at each of them, above 0, at most 1"),
+        _INGEST_ID,
+    ]
+)
+
 TABLES: Final[dict[str, pa.Schema]] = {
     "sessions": SESSIONS,
     "subjects": SUBJECTS,
@@ -436,6 +453,7 @@ TABLES: Final[dict[str, pa.Schema]] = {
     "contact_events": CONTACT_EVENTS,
     "contact_maps": CONTACT_MAPS,
     "reference_contacts": REFERENCE_CONTACTS,
+    "measured_maps": MEASURED_MAPS,
 }
 """Every table by name."""
 
@@ -451,6 +469,7 @@ TRIAL_TABLES: Final = (
     "contact_events",
     "contact_maps",
     "reference_contacts",
+    "measured_maps",
 )
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
@@ -472,6 +491,7 @@ TABLE_DOCS: Final[dict[str, str]] = {
     "contact_events": "one row a contact of one site, from onset to release",
     "contact_maps": "one row a grasp: the object's points near the hand, and how near",
     "reference_contacts": "one row a measured centre of pressure of a digit",
+    "measured_maps": "one row a map of contact that was measured, or annotated, on the object's surface",
 }
 """What one row of each table stands for."""
 

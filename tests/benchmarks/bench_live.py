@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from graspdb.simulate import NoiseParameters, simulate_session
 from graspdb_ingest.live import HandTracker
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_object
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.trial_markers import select_markers
 from graspdb_schemas.manifest_reader import parse_manifest

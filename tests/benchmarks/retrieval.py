@@ -5,7 +5,8 @@ space, feature and store as any other.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,20 @@ from scipy.spatial.transform import Rotation
 from graspdb.database import Database
 from graspdb.store import Store
 from graspdb_ingest.descriptor import describe, descriptor_kind
-from graspdb_ingest.keypoint_rows import keypoint_rows, keypoint_session_rows
+from graspdb_ingest.importers.base import Clip, ClipSource, Importer, ImportOptions
+from graspdb_ingest.importers.clip import ImportJob, process_clip
+from graspdb_ingest.importers.keypoints import IMPORTER
+from graspdb_ingest.importers.objects import prepare_source
+from graspdb_ingest.importers.session import imported_session_rows
+from graspdb_ingest.importers.survey import SurveyedSubject
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.fpfh import point_histograms
 from graspdb_ingest.objects.mesh import load_surface
 from graspdb_ingest.parameters import CloudParameters, IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_object
+from graspdb_ingest.trial_tables import TrialTables
 from graspdb_queries.similar.library import descriptors_of, sizes_of
 from graspdb_queries.similar.metric import learn_metric
-from graspdb_schemas.manifest import SessionObject
+from graspdb_schemas.vocabulary import Side
 
 LEAST_POINTS = 30
 """Features of fewer points are too small to be told apart."""
@@ -36,25 +42,36 @@ Vectors = NDArray[np.float32]
 
 
 def build(data: Path, folder: Path, every: int = 1, workers: int = 2) -> None:
-    """Write every n-th grasp of every object into a database."""
-    parameters = IngestParameters()
-    grasps = {name: found[::every] for name, found in read_grasps(data).items()}
+    """Write every n-th grasp of every object into a database, with radii as the data's page states them."""
+    options = ImportOptions(session="dexycb", side=Side.RIGHT, subject="someone", objects=data)
+    job = ImportJob(_every(every), options, IngestParameters())
+    size = next(iter(read_grasps(data).values()))[0].dimensions
+    subject = SurveyedSubject("someone", size, (Side.RIGHT,))
     store = Store.create_or_open(folder)
-    with Parallel(n_jobs=workers) as parallel:
-        prepared = parallel(delayed(_prepare)(data, name, parameters) for name in grasps)
-        everything = [grasp for found in grasps.values() for grasp in found]
-        store.commit_session(keypoint_session_rows(everything, prepared))
-        rows = parallel(
-            delayed(keypoint_rows)(grasp, thing, parameters)
-            for thing in prepared
-            for grasp in grasps[thing.name]
-        )
-    store.commit_trials(rows)
+    tasks = (delayed(_rows)(job, source, subject) for source in job.importer.find(data, options))
+    for shared, clip in Parallel(n_jobs=workers, return_as="generator")(tasks):
+        store.commit_session(shared)
+        store.commit_trial(clip)
 
 
-def _prepare(data: Path, name: str, parameters: IngestParameters) -> PreparedObject:
-    described = SessionObject(name=name, mesh=data / "meshes" / f"{name}.obj", mesh_scale=1.0, markers={})
-    return prepare_object(described, parameters)
+def _rows(job: ImportJob, source: ClipSource, subject: SurveyedSubject) -> tuple[TrialTables, TrialTables]:
+    """Return the rows of an object's grasps, and those that they stand on."""
+    if source.object is None:
+        raise ValueError("grasps without an object")
+    prepared = prepare_source(source.object, job.parameters)
+    shared = imported_session_rows(job.session, [subject], (source.object, prepared))
+    return shared, process_clip(job, source, subject, prepared)
+
+
+def _every(n: int) -> Importer:
+    """Return the importer of key points, which leaves out all but each n-th posture of a clip."""
+    return replace(IMPORTER, read=partial(_read_every, n))
+
+
+def _read_every(n: int, source: ClipSource, options: ImportOptions) -> Clip:
+    clip = IMPORTER.read(source, options)
+    hands = tuple(replace(hand, key_points=hand.key_points[::n]) for hand in clip.hands)
+    return replace(clip, hands=hands)
 
 
 @dataclass(frozen=True, eq=False)

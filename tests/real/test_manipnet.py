@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from manipnet import Sequence, load_sequence
+from manipnet import Sequence, load_sequence, rises
 
 from graspdb_ingest.contact_events import TOUCHES, contact_events, contact_states
 from graspdb_ingest.events import find_holds
@@ -20,23 +20,6 @@ UP = np.array([0.0, 1.0, 0.0])
 @pytest.fixture(scope="module", params=["mug1", "cup1", "wineglass3"])
 def sequence(request: pytest.FixtureRequest, shared_data: Path) -> Sequence:
     return load_sequence(shared_data / "manipnet" / request.param)
-
-
-def rises(sequence: Sequence) -> list[float]:
-    """Return when the object leaves the table, by its height alone [s]: first 5 mm above it for good."""
-    height = sequence.object_positions[:, 1]
-    table = np.quantile(height[: round(sequence.rate)], 0.5)
-    raised, found, frame = height > table + 0.02, [], 0
-    while raised[frame:].any():
-        up = frame + int(raised[frame:].argmax())
-        low = np.flatnonzero(height[frame : up + 1] < table + 0.005)
-        if len(low):
-            found.append((frame + int(low[-1])) / sequence.rate)
-        down = np.flatnonzero(height[up:] < table + 0.005)
-        if not len(down):
-            break
-        frame = up + int(down[0])
-    return found
 
 
 def test_contacts_and_lifts(sequence: Sequence) -> None:

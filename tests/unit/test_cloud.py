@@ -179,6 +179,14 @@ def test_a_bare_cloud_is_thinned_to_the_spacing_with_outward_normals() -> None:
     assert again.normals.tobytes() == cloud.normals.tobytes()
 
 
+def test_points_that_stand_twice_change_nothing() -> None:
+    points = on_sphere(20_000)
+    once, twice = sample_cloud(bare(points)), sample_cloud(bare(np.concatenate([points, points[::3]])))
+    assert neighbour_distances(twice).min() >= 0.9 * 0.002 - 1e-7
+    assert len(twice.points) == pytest.approx(len(once.points), rel=0.02)
+    assert twice.areas.sum() == pytest.approx(once.areas.sum(), rel=0.02)
+
+
 def test_a_sparse_cloud_keeps_all_its_points() -> None:
     points = on_sphere(800)
     cloud = sample_cloud(bare(points), CloudParameters(spacing=1e-6))

@@ -1,10 +1,12 @@
 """Descriptors: pose does not matter, size does, distributions with one mean are told apart."""
 
+from itertools import combinations, product
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm, qmc
 
-from graspdb_ingest.descriptor import BANDWIDTH, LENGTH, N_FOURIER, describe
+from graspdb_ingest.descriptor import BANDWIDTH, LENGTH, N_FOURIER, PAIR_BINS, PAIR_DISTANCES, describe
 
 
 def sphere(n, radius):
@@ -72,3 +74,30 @@ def test_a_single_point_has_no_pairs():
     found = describe(np.zeros((1, 3)), np.eye(3)[:1], histograms(1), np.ones(1))
     assert not found[N_FOURIER:].any()
     assert np.isfinite(found).all()
+
+
+def pairs_one_by_one(points, normals, areas):
+    """Share every pair among the eight cells around it, as the definition says."""
+    cells = np.zeros(PAIR_BINS)
+    ranges = (np.sqrt(PAIR_DISTANCES), (-1, 1), (-2, 2))
+    for i, j in combinations(range(len(points)), 2):
+        step = points[j] - points[i]
+        distance = np.linalg.norm(step)
+        values = (np.sqrt(distance), normals[i] @ normals[j], (normals[j] - normals[i]) @ step / distance)
+        places = [
+            np.clip((v - low) / (high - low) * (bins - 1), 0, bins - 1)
+            for v, (low, high), bins in zip(values, ranges, PAIR_BINS, strict=True)
+        ]
+        for cell in product(*(range(bins) for bins in PAIR_BINS)):
+            shares = [max(0.0, 1 - abs(place - c)) for place, c in zip(places, cell, strict=True)]
+            cells[cell] += areas[i] * areas[j] * np.prod(shares)
+    return np.sqrt(cells / cells.sum()).ravel()
+
+
+def test_pairs_are_those_of_the_definition():
+    rng = np.random.default_rng(5)
+    points, areas = rng.normal(size=(12, 3)) * 0.03, rng.uniform(1, 2, 12)
+    normals = rng.normal(size=(12, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    found = describe(points, normals, histograms(12), areas)[N_FOURIER:]
+    np.testing.assert_allclose(found, pairs_one_by_one(points, normals, areas), rtol=0, atol=1e-6)

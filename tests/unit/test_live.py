@@ -13,7 +13,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.live import HandTracker
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.prepare import PreparedObject, prepare_object
+from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_ingest.tracking.following import follow, make_follower
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model
 from graspdb_ingest.tracking.smoother import ForwardPass

@@ -71,7 +71,7 @@ def test_a_scene_is_flattened_with_its_transforms_and_mirrors(tmp_path: Path) ->
     surface = load_surface(write(scene, tmp_path / "two.glb"))
     assert surface.extents == pytest.approx([0.24, 0.06, 0.1], rel=1e-5)
     assert surface.volume == pytest.approx(2 * 0.04 * 0.06 * 0.1, rel=1e-5)
-    assert surface.warnings == ()
+    assert [warning[:33] for warning in surface.warnings] == ["1 piece up to 160 mm from the res"]
 
 
 def test_textures_and_materials_do_not_matter(tmp_path: Path) -> None:
@@ -137,7 +137,21 @@ def test_a_cavity_keeps_its_wall_and_a_stray_part_is_turned(tmp_path: Path) -> N
     aside.apply_translation([0.1, 0, 0])
     surface = load_surface(write(trimesh.util.concatenate([box((0.05,) * 3), aside]), tmp_path / "two.stl"))
     assert surface.volume == pytest.approx(0.05**3 + 0.02**3)
-    assert surface.warnings == ("12 faces inside out: turned outward",)
+    assert surface.warnings[0] == "12 faces inside out: turned outward"
+    assert surface.warnings[1].startswith("1 piece up to 65 mm from the rest, with 13.8% of the area")
+
+
+def test_parts_that_meet_or_lie_in_each_other_are_no_stray_pieces(tmp_path: Path) -> None:
+    lid = box((0.05, 0.05, 0.01))
+    lid.apply_translation([0, 0, 0.032])  # 2 mm above the box
+    whole = trimesh.util.concatenate([box((0.05,) * 3), lid])
+    assert load_surface(write(whole, tmp_path / "lid.stl")).warnings == ()
+    crumb = box((0.004,) * 3)
+    crumb.apply_translation([0.2, 0, 0])
+    (warning,) = load_surface(write(trimesh.util.concatenate([whole, crumb]), tmp_path / "c.stl")).warnings
+    assert (
+        warning == "1 piece up to 173 mm from the rest, with 0.4% of the area: taken for parts of the object"
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -33,11 +33,15 @@ def touch(sites, pushes, side=Side.RIGHT, reach=0.008):
     index = np.array([SITES.index(name) for name in names], dtype=np.int64)
     ways = np.array([pushes[name] for name in names], dtype=float).reshape(-1, 3)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    hand = HandPoints(np.vstack([np.zeros(3), sites]), np.full(20, reach), side)
+    hand = hand_of(sites, side, reach)
     segments = tuple(segment_of(site) for site in index)
     pads = tuple(pad_of(hand, segment, way) for segment, way in zip(segments, ways, strict=True))
     nowhere = np.zeros(len(index), dtype=np.int64)
     return Contacts(index, nowhere, sites[index] + reach * ways, -ways, np.zeros(len(index)), segments, pads)
+
+
+def hand_of(sites, side=Side.RIGHT, reach=0.008):
+    return HandPoints(np.vstack([np.zeros(3), sites]), np.full(20, reach), side)
 
 
 def segment_of(site):
@@ -76,7 +80,7 @@ def test_thumb_against_the_side_of_the_index_is_side_opposition(side):
     assert contact_surfaces(contacts) == ("thumb", "radial")
     assert found.kind == "side"
     assert found.virtual_fingers == (("thumb",), ("index",), ())
-    assert grasp_type(contacts, found).name == "lateral"
+    assert grasp_type(contacts, found, hand_of(sites, side)).name == "lateral"
 
 
 def fist(across=0.04):
@@ -110,7 +114,7 @@ def test_two_fingers_squeezing_between_them_are_side_opposition():
     contacts, found = opposed({"index_dip": [0, -1, 0], "middle_dip": [0, 1, 0]}, sites)
     assert found.kind == "side"
     assert found.virtual_fingers == (("index",), ("middle",), ())
-    assert grasp_type(contacts, found).name == "adduction grip"
+    assert grasp_type(contacts, found, hand_of(sites)).name == "adduction grip"
 
 
 @pytest.mark.parametrize(
@@ -118,10 +122,11 @@ def test_two_fingers_squeezing_between_them_are_side_opposition():
 )
 def test_what_does_not_oppose_has_no_opposition_and_no_type(pushes):
     contacts, found = opposed(pushes)
+    hand = hand_of(flat_sites())
     assert found.kind is None
     assert found.virtual_fingers[:2] == ((), ())
     assert found.virtual_fingers[2] == contacts.digits
-    typed = grasp_type(contacts, found)
+    typed = grasp_type(contacts, found, hand)
     assert (typed.name, typed.confidence) == (None, None)
 
 
@@ -141,8 +146,9 @@ def test_dorsal_contacts_are_told_from_pads():
     ],
 )
 def test_pinches_with_fingers_side_by_side(fingers, name):
-    contacts, found = opposed(*pinch(*fingers))
-    typed = grasp_type(contacts, found)
+    pushes, sites = pinch(*fingers)
+    contacts, found = opposed(pushes, sites)
+    typed = grasp_type(contacts, found, hand_of(sites))
     assert typed.name == name
     assert LEAST_CONFIDENCE <= typed.confidence < 1
 
@@ -173,7 +179,7 @@ def test_wraps_differ_by_size(across, name):
     sites[SITES.index("thumb_tip")] = sites[SITES.index("index_tip")] + [0, 0, across + 0.01]
     contacts, found = opposed(pushes | {"thumb_tip": [0, 0, -1]}, sites)
     assert found.kind == "palm"
-    assert grasp_type(contacts, found).name == name
+    assert grasp_type(contacts, found, hand_of(sites)).name == name
 
 
 def test_opposition_mirrors_with_the_side():

@@ -98,6 +98,8 @@ def test_errors_are_the_distances_that_were_made(tmp_path: Path) -> None:
     assert {error.pair for error in errors.values()} == {"thumb+index+little"}
     assert errors["thumb"].all_points.mean == pytest.approx(5.0)
     assert errors["thumb"].most_distal.mean == pytest.approx(np.sqrt(0.25 + 9 + 16))
+    # both gaps of the thumb are alike, so its weighted mean is the plain one
+    assert errors["thumb"].weighted.mean == pytest.approx(5.0)
     assert errors["index"].all_points.mean == pytest.approx(0.25)
     assert (errors["little"].all_points.n, errors["little"].n_missed) == (0, 1)
 

@@ -12,11 +12,12 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from graspdb.simulate import NoiseParameters, load_truth, simulate_session
+from graspdb.simulate.force_panels import PAD_COMPRESSION, centres_of_pressure
 from graspdb.simulate.grasps import TOUCH
 from graspdb.simulate.surface import Surface
 from graspdb_schemas.errors import ParameterError, RecordingError
 from graspdb_schemas.manifest_reader import parse_manifest
-from graspdb_schemas.vocabulary import FOREARM_MARKERS, SITES, Side
+from graspdb_schemas.vocabulary import DIGIT_OF_SITE, FOREARM_MARKERS, SITES, Side
 
 FEW = {"subjects": 2, "objects": ["mug"], "kinds": ["rim", "top"], "trials": 2, "rate": 60.0, "seed": 3}
 NOISE = NoiseParameters(marker_sd=0.001, skin_sd=0.002, occlusion=0.1, swaps=1.0)
@@ -208,7 +209,7 @@ def test_trials_of_a_kind_differ(session):
     assert 0.001 < np.linalg.norm(in_object[0] - in_object[1], axis=1).mean() < 0.03
 
 
-def test_the_centre_of_pressure_is_on_the_panel_under_the_tip(panels):
+def test_the_centre_of_pressure_is_on_the_panel_between_what_touches(panels):
     manifest = parse_manifest(panels.path)
     assert sorted(t.kind for t in panels.truth.trials.values()) == sorted(
         f"thumb_{finger}" for finger in ("index", "middle", "ring", "little")
@@ -217,15 +218,33 @@ def test_the_centre_of_pressure_is_on_the_panel_under_the_tip(panels):
         trial = panels.truth.trials[entry.name]
         rows = list(csv.DictReader(entry.reference_contacts.read_text().splitlines()))
         assert {row["digit"] for row in rows} == set(trial.kind.split("_"))
+        radii = panels.truth.subjects[trial.subject].hand.radii
         for row in rows:
             frame = round(float(row["time"]) * 60)
-            tip = SITES.index(f"{row['digit']}_tip")
-            assert trial.contact[frame, tip]
+            own = [i for i, digit in enumerate(DIGIT_OF_SITE) if digit == row["digit"]]
+            assert trial.contact[frame, own].any()
             rotation = Rotation.from_quat(trial.object_rotation[frame], scalar_first=True)
-            centre = rotation.inv().apply(trial.sites[frame, tip] - trial.object_position[frame])
+            centres = rotation.inv().apply(trial.sites[frame, own] - trial.object_position[frame])
             pressed = np.array([float(row[axis]) for axis in "xyz"]) / 1000
-            radius = panels.truth.subjects[trial.subject].hand.radii[tip]
-            assert np.linalg.norm(pressed - centre) == pytest.approx(radius + trial.gap[frame, tip], abs=1e-6)
+            gap, reach = trial.gap[frame, own], radii[own] + trial.gap[frame, own]
+            near = gap < PAD_COMPRESSION
+            off = np.linalg.norm(pressed - centres[near], axis=1)
+            if near.sum() == 1:
+                assert off == pytest.approx(reach[near], abs=1e-6)
+            else:  # between the points that the spheres press on
+                assert (off >= reach[near] - 1e-4).all()
+                apart = np.linalg.norm(np.ptp(centres[near], axis=0))
+                assert (off <= reach[near] + apart).all()
+
+
+def test_pads_press_by_their_radius_and_the_square_of_their_depth():
+    points, deep = np.array([[[0, 0, 0], [0.02, 0, 0]]]), PAD_COMPRESSION
+    radii = np.array([0.01, 0.01])
+    for gaps, middle in (([0, 0], 0.01), ([0, deep], 0.0), ([0, 0.01], 0.0), ([0, deep / 2], 0.02 / 5)):
+        found = centres_of_pressure(points, np.array([gaps], dtype=float), radii)
+        assert np.allclose(found, [[middle, 0, 0]])
+    found = centres_of_pressure(points, np.zeros((1, 2)), np.array([0.01, 0.03]))
+    assert np.allclose(found, [[0.015, 0, 0]])
 
 
 def test_left_hands_can_be_drawn_and_grasp(tmp_path):

@@ -1,6 +1,7 @@
 """The object as a live cloud: the paper's P_i(t), from a depth camera, in place of markers on the object."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -10,21 +11,34 @@ from scipy.spatial.transform import Rotation, Slerp
 from graspdb_ingest.objects.cloud import ObjectCloud
 from graspdb_ingest.objects.files import read_geometry
 from graspdb_ingest.objects.pose import ObjectTrack
-from graspdb_ingest.objects.registration import Registration, first_pose, register
+from graspdb_ingest.objects.registration import Registration, first_pose, no_pose, register
 from graspdb_ingest.parameters import RegistrationParameters
 from graspdb_ingest.readers.text import read_lines
 from graspdb_ingest.rigid import Array, continuous_signs, quaternions_from_rotations
 from graspdb_schemas.errors import ObjectError, RecordingError
 
 _FORM: Final = "Give it the columns time [s] and file, separated by commas, a row for each cloud."
+CAMERA: Final = ("camera_x", "camera_y", "camera_z")
+"""Columns that say where the camera stood."""
 
 
 @dataclass(frozen=True)
 class CloudFile:
-    """A cloud of a trial: when it was taken, and its file."""
+    """A cloud of a trial.
+
+    Attributes
+    ----------
+    time : float
+        When it was taken [s].
+    path : Path
+        Its file.
+    camera : tuple of float, or None
+        Where the camera stood, lab frame, in the unit of the cloud; None where that is not known.
+    """
 
     time: float
     path: Path
+    camera: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,22 +63,28 @@ class CloudTrack:
 def read_cloud_times(path: Path) -> tuple[CloudFile, ...]:
     """Read the list of a trial's clouds: a CSV file with the columns ``time`` and ``file``.
 
+    Columns ``camera_x``, ``camera_y`` and ``camera_z`` may say where the camera stood.
+
     Raises
     ------
     RecordingError
-        If columns are missing, a time is no number or not later than the one before, or a file is not a
-        plain name of a file beside the list.
+        If columns are missing, a time or a place of the camera is no number, a time is not later than the
+        one before, or a file is not a plain name of a file beside the list.
     """
     text = read_lines(path)
     titles = [title.strip().strip('"').lower() for title in text.lines[0].split(",")] if text.lines else []
     if not {"time", "file"} <= set(titles):
         raise RecordingError(path, "it has no columns time and file", _FORM)
+    given = [name for name in CAMERA if name in titles]
+    if 0 < len(given) < len(CAMERA):
+        raise RecordingError(path, f"it has {' and '.join(given)} alone", f"Give it {', '.join(CAMERA)}.")
     found: list[CloudFile] = []
     for number, line in enumerate(text.lines[1:], start=2):
         if not line.strip(", \t"):
             continue
         cells = dict(zip(titles, (cell.strip().strip('"') for cell in line.split(",")), strict=False))
-        found.append(_entry(path, number, cells.get("time", ""), cells.get("file", "")))
+        entry = _entry(path, number, cells.get("time", ""), cells.get("file", ""))
+        found.append(replace(entry, camera=_camera(path, number, cells)) if given else entry)
         if len(found) > 1 and found[-1].time <= found[-2].time:
             raise RecordingError(path, f"line {number}: the time does not increase", _FORM)
     if not found:
@@ -72,12 +92,25 @@ def read_cloud_times(path: Path) -> tuple[CloudFile, ...]:
     return tuple(found)
 
 
-def _entry(path: Path, number: int, time: str, name: str) -> CloudFile:
+def _camera(path: Path, number: int, cells: Mapping[str, str]) -> tuple[float, float, float]:
+    x, y, z = (_finite(cells.get(name, "")) for name in CAMERA)
+    if x is None or y is None or z is None:
+        raise RecordingError(path, f"line {number}: the camera's place is not three numbers", _FORM)
+    return x, y, z
+
+
+def _finite(text: str) -> float | None:
+    """Return a text as a finite number, or None."""
     try:
-        seconds = float(time)
+        value = float(text)
     except ValueError:
-        seconds = np.nan
-    if not np.isfinite(seconds):
+        return None
+    return value if np.isfinite(value) else None
+
+
+def _entry(path: Path, number: int, time: str, name: str) -> CloudFile:
+    seconds = _finite(time)
+    if seconds is None:
         raise RecordingError(path, f"line {number}: the time {time!r} is not a number", _FORM)
     file = path.parent / name
     if not name or Path(name).name != name or not file.resolve().is_relative_to(path.parent.resolve()):
@@ -121,8 +154,8 @@ def follow_clouds(
         pose = _registered(cloud, scale, model, last, parameters)
         last = pose if pose.reason is None else last
         poses.append(pose)
-    track, fitness = _in_frames(np.array([cloud.time for cloud in clouds]), poses, times, parameters)
-    return CloudTrack(track, fitness, _notes(clouds, poses))
+    track, fitness = poses_in_frames(np.array([cloud.time for cloud in clouds]), poses, times, parameters)
+    return CloudTrack(track, fitness, notes_of(clouds, poses))
 
 
 def _registered(
@@ -135,8 +168,7 @@ def _registered(
     try:
         points = scale * read_geometry(cloud.path).vertices
     except ObjectError as error:
-        nowhere = np.full((3, 3), np.nan)
-        return Registration(nowhere, nowhere[0], 0.0, np.nan, str(error))
+        return no_pose(str(error))
     if last is not None:
         near = register(model, points, last.rotation, last.position, parameters)
         if near.reason is None:
@@ -144,8 +176,8 @@ def _registered(
     return first_pose(model, points, parameters)
 
 
-def _in_frames(
-    cloud_times: Array, poses: list[Registration], times: Array, parameters: RegistrationParameters
+def poses_in_frames(
+    cloud_times: Array, poses: Sequence[Registration], times: Array, parameters: RegistrationParameters
 ) -> tuple[ObjectTrack, Array]:
     """Return pose and fitness in every frame, between the clouds before and after it."""
     n = len(times)
@@ -170,7 +202,8 @@ def _in_frames(
     return track, fitness
 
 
-def _notes(clouds: tuple[CloudFile, ...], poses: list[Registration]) -> tuple[str, ...]:
+def notes_of(clouds: Sequence[CloudFile], poses: Sequence[Registration]) -> tuple[str, ...]:
+    """Return how many clouds tell no pose, and why the first of them does not."""
     bad = [(cloud, pose) for cloud, pose in zip(clouds, poses, strict=True) if pose.reason is not None]
     if not bad:
         return ()

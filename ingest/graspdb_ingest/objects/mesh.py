@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb_ingest.objects.files import Geometry, read_geometry
-from graspdb_ingest.objects.repair import mend
+from graspdb_ingest.objects.repair import mend, stray_pieces
 from graspdb_ingest.rigid import Array
 from graspdb_schemas.errors import ObjectError, ParameterError
 
@@ -57,7 +57,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def load_surface(path: Path, scale: float = 1.0, whole: bool = True) -> Surface:
+def load_surface(path: Path, scale: float = 1.0, unit_key: str = "mesh_units", whole: bool = True) -> Surface:
     """Read an object's mesh (STL, OBJ, PLY, GLB, OFF) or cloud (PLY, PCD), check it and mend what is safe.
 
     Parameters
@@ -66,6 +66,8 @@ def load_surface(path: Path, scale: float = 1.0, whole: bool = True) -> Surface:
         The file.
     scale : float
         Factor from the file's numbers to metres.
+    unit_key : str
+        Key of the manifest that the factor comes from, for messages.
     whole : bool
         Whether the file holds all of an object, which says which side of a surface that is not closed is
         out. Of a part the sides are those of the file.
@@ -85,14 +87,30 @@ def load_surface(path: Path, scale: float = 1.0, whole: bool = True) -> Surface:
     """
     if not (np.isfinite(scale) and scale > 0):
         raise ParameterError("scale", scale, "a positive factor from the file's numbers to metres")
-    geometry = read_geometry(path)
+    return surface_of(path, read_geometry(path), scale, unit_key, whole)
+
+
+def surface_of(
+    path: Path,
+    geometry: Geometry,
+    scale: float = 1.0,
+    unit_key: str = "mesh_units",
+    whole: bool = True,
+) -> Surface:
+    """Check the vertices and faces that a file holds and mend what is safe; see `load_surface`.
+
+    Raises
+    ------
+    ObjectError
+        If they cannot be the surface of an object.
+    """
     if geometry.faces is None:
-        return _cloud_surface(path, geometry, scale, whole)
-    return _mesh_surface(path, geometry, geometry.faces, scale, whole)
+        return _cloud_surface(path, geometry, scale, unit_key, whole)
+    return _mesh_surface(path, geometry, geometry.faces, scale, unit_key, whole)
 
 
 def _mesh_surface(
-    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, whole: bool
+    path: Path, geometry: Geometry, faces: NDArray[np.int64], scale: float, unit_key: str, whole: bool
 ) -> Surface:
     used = np.unique(faces)
     broken = int(np.count_nonzero(~np.isfinite(geometry.vertices[used]).all(axis=1)))
@@ -100,7 +118,7 @@ def _mesh_surface(
         raise ObjectError(
             path, f"{broken} of its {len(used)} vertices are not finite", "Export the mesh again."
         )
-    _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale)
+    _check_size(path, np.ptp(geometry.vertices[used], axis=0), scale, unit_key)
     vertices = np.where(np.isfinite(geometry.vertices), geometry.vertices, 0.0) * scale
     mended = mend(vertices, faces, whole)
     mesh, warnings = mended.mesh, list(mended.warnings)
@@ -109,6 +127,7 @@ def _mesh_surface(
     watertight = bool(mesh.is_watertight and mesh.is_winding_consistent)
     if not watertight:
         warnings.append("not watertight: no volume")
+    warnings += stray_pieces(mesh)
     return Surface(
         vertices=np.array(mesh.vertices),
         faces=np.array(mesh.faces, dtype=np.int64),
@@ -122,7 +141,7 @@ def _mesh_surface(
     )
 
 
-def _cloud_surface(path: Path, geometry: Geometry, scale: float, whole: bool) -> Surface:
+def _cloud_surface(path: Path, geometry: Geometry, scale: float, unit_key: str, whole: bool) -> Surface:
     finite = np.asarray(np.isfinite(geometry.vertices).all(axis=1))
     points = geometry.vertices[finite] * scale
     if len(points) < 4:
@@ -145,11 +164,11 @@ def _cloud_surface(path: Path, geometry: Geometry, scale: float, whole: bool) ->
             normals = None
             warnings.append("some normals of the file are no directions; all are estimated")
     extents = np.ptp(points, axis=0)
-    _check_size(path, extents / scale, scale)
+    _check_size(path, extents / scale, scale, unit_key)
     return Surface(points, None, normals, None, None, extents, False, geometry.sha256, tuple(warnings))
 
 
-def _check_size(path: Path, size: Array, scale: float) -> None:
+def _check_size(path: Path, size: Array, scale: float, unit_key: str) -> None:
     """Raise ObjectError if the largest extent, in the file's numbers, cannot be that of an object."""
     largest = float(size.max()) * scale
     if SMALLEST_OBJECT <= largest <= LARGEST_OBJECT:
@@ -161,7 +180,7 @@ def _check_size(path: Path, size: Array, scale: float) -> None:
         if low <= size.max() * factor <= high
     ]
     remedy = (
-        f"With mesh_units {' or '.join(fitting)} it would fit a hand." if fitting else "Check mesh_units."
+        f"With {unit_key} {' or '.join(fitting)} it would fit a hand." if fitting else f"Check {unit_key}."
     )
     found = f"its largest extent is {largest:.4g} m; objects have {SMALLEST_OBJECT} to {LARGEST_OBJECT:.0f} m"
     raise ObjectError(path, found, remedy)

@@ -29,6 +29,8 @@ TRIED: Final = 4
 SEEN: Final = (0.3, -0.2)
 """Least length of the mean normal of what a cloud shows, for one camera to have seen it: 0.5 is half a ball,
 0 all of one. And least cosine between that direction and the normal of a point that may have been seen."""
+SAME_PLANE: Final = 0.5
+"""Least cosine between the normals of two partners, where the cloud has normals."""
 LEAST_POINTS: Final = 20
 """Points of a cloud near the model below which no pose is told."""
 
@@ -64,6 +66,7 @@ def register(
     rotation: Array,
     position: Array,
     parameters: RegistrationParameters | None = None,
+    normals: Array | None = None,
 ) -> Registration:
     """Register a model to a cloud of it, from a pose nearby.
 
@@ -82,6 +85,9 @@ def register(
         Pose world_from_object to begin with.
     parameters : RegistrationParameters, optional
         When there is a pose.
+    normals : ndarray, shape (n, 3), optional
+        Normals of the cloud, of either sign: then points whose planes differ by more than 60 degrees are no
+        partners, as those of a face that the model does not have yet.
 
     Returns
     -------
@@ -90,10 +96,12 @@ def register(
         too few, or a fit that is too poor.
     """
     parameters = parameters or RegistrationParameters()
-    finite = points[np.isfinite(points).all(axis=1)]
-    if not len(finite):
-        return _none("the cloud has no finite point")
-    finite = finite[:: max(1, len(finite) // MOST_POINTS)]
+    usable = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if not len(usable):
+        return no_pose("the cloud has no finite point")
+    usable = usable[:: max(1, len(usable) // MOST_POINTS)]
+    finite = points[usable]
+    planes = None if normals is None else normals[usable]
     turn, shift = rotation.copy(), position.copy()
     side = _Side(model.tree, np.arange(len(model.points)))
     for number in range(ITERATIONS):
@@ -103,13 +111,16 @@ def register(
             side = _seen_side(model, within, parameters.reach)
         distance, partner = side.partners(within, parameters.reach)
         near = np.flatnonzero(np.isfinite(distance))
+        if planes is not None:
+            alike = np.einsum("ni,ni->n", planes[near] @ turn, model.normals[partner[near]])
+            near = near[np.abs(alike) > SAME_PLANE]
         if len(near) < LEAST_POINTS:
             found = "no point" if not len(near) else f"{len(near)} points"
-            return _none(f"{found} of the cloud within {1e3 * parameters.reach:g} mm of the object")
-        there, normals = model.points[partner[near]], model.normals[partner[near]]
-        step = _step(within[near], there, normals, kernel)
+            return no_pose(f"{found} of the cloud within {1e3 * parameters.reach:g} mm of the object")
+        there, out = model.points[partner[near]], model.normals[partner[near]]
+        step = _step(within[near], there, out, kernel)
         if step is None:
-            return _none("the points near the object do not fix its pose")
+            return no_pose("the points near the object do not fix its pose")
         small, move = Rotation.from_rotvec(-step[:3]).as_matrix(), step[3:]
         # within' = small' (within + move) in the object frame, so the pose changes by the inverse
         shift, turn = shift - turn @ move, turn @ small
@@ -172,20 +183,21 @@ def _judged(
     distance, partner = _seen_side(model, within, parameters.reach).partners(within, parameters.reach)
     near = np.flatnonzero(np.isfinite(distance))
     if len(near) < LEAST_POINTS:
-        return _none("the registration leads away from the cloud")
+        return no_pose("the registration leads away from the cloud")
     pairs = partner[near]
     off = np.einsum("ni,ni->n", model.points[pairs] - within[near], model.normals[pairs])
     spread = max(1.4826 * float(np.median(np.abs(off))), 2e-4)
     good = np.abs(off) < 3 * spread
     fitness, residual = float(good.mean()), float(np.sqrt(np.mean(off[good] ** 2)))
     if fitness < parameters.minimum_fitness:
-        return _none(f"only {fitness:.0%} of the points near the object lie on it", fitness, residual)
+        return no_pose(f"only {fitness:.0%} of the points near the object lie on it", fitness, residual)
     if residual > parameters.maximum_residual:
-        return _none(f"the points lie {1e3 * residual:.1f} mm from the object (rms)", fitness, residual)
+        return no_pose(f"the points lie {1e3 * residual:.1f} mm from the object (rms)", fitness, residual)
     return Registration(turn, shift, fitness, residual)
 
 
-def _none(reason: str, fitness: float = 0.0, residual: float = float("nan")) -> Registration:
+def no_pose(reason: str, fitness: float = 0.0, residual: float = float("nan")) -> Registration:
+    """Return that a cloud tells no pose, and why."""
     return Registration(np.full((3, 3), np.nan), np.full(3, np.nan), fitness, residual, reason)
 
 
@@ -197,7 +209,7 @@ def first_pose(model: ObjectCloud, points: Array, parameters: RegistrationParame
     """
     finite = points[np.isfinite(points).all(axis=1)]
     if len(finite) < LEAST_POINTS:
-        return _none("the cloud has no finite point" if not len(finite) else "the cloud has too few points")
+        return no_pose("the cloud has no finite point" if not len(finite) else "the cloud has too few points")
     few = finite[:: max(1, len(finite) // 400)]
     axes, own = _principal(few), _principal(model.points)
     middle = model.points.mean(axis=0)
@@ -209,16 +221,16 @@ def first_pose(model: ObjectCloud, points: Array, parameters: RegistrationParame
         result = register(model, few, rotation, start, RegistrationParameters(0.06, 0.0, np.inf))
         if result.reason is None:
             rough.append(result)
-    rough.sort(key=lambda result: _off(model, few, result))
+    rough.sort(key=lambda result: mean_distance(model, few, result))
     found = [register(model, few, r.rotation, r.position, parameters) for r in rough[:TRIED]]
     good = [result for result in found if result.reason is None]
     if not good:
-        return _none("no beginning leads to a pose")
-    best = min(good, key=lambda result: _off(model, few, result))
+        return no_pose("no beginning leads to a pose")
+    best = min(good, key=lambda result: mean_distance(model, few, result))
     return register(model, finite, best.rotation, best.position, parameters)
 
 
-def _off(model: ObjectCloud, points: Array, result: Registration) -> float:
+def mean_distance(model: ObjectCloud, points: Array, result: Registration) -> float:
     """Return how far the points lie from the model on average, each counting at most 10 mm [m]."""
     distance = model.tree.query((points - result.position) @ result.rotation)[0]
     return float(np.mean(np.minimum(distance, 0.01)))

@@ -16,6 +16,10 @@ Indices = NDArray[np.int64]
 
 WELD_DISTANCE: Final = 1e-6
 """Vertices nearer than this are one [m]: far below any shape, above the rounding of single precision."""
+APART: Final = 0.005
+"""Pieces further than this from all others are no part of an object that a hand holds [m]."""
+MOST_PIECES: Final = 1000
+"""A mesh in more pieces than this is a soup of triangles, none of which is more astray than others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,32 @@ def mend(vertices: Array, faces: Indices, whole: bool = True) -> MendedMesh:
             which = "all faces" if inside_out.all() else _count(n, "face")
             warnings.append(f"{which} inside out: turned outward")
     return MendedMesh(mesh, tuple(warnings))
+
+
+def stray_pieces(mesh: trimesh.Trimesh) -> list[str]:
+    """Return a warning about pieces of a mesh that lie apart from the rest of it, if there are any.
+
+    Pieces whose boxes come within `APART` of each other belong together, as the parts of an assembly do; the
+    group with the largest area is the object.
+    """
+    first, second = np.asarray(mesh.face_adjacency).T
+    n_faces = len(mesh.faces)
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(n_faces, n_faces))
+    n, labels = connected_components(graph, directed=False)
+    if not 1 < n <= MOST_PIECES:
+        return []
+    low, high = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
+    np.minimum.at(low, labels, mesh.triangles.min(axis=1))
+    np.maximum.at(high, labels, mesh.triangles.max(axis=1))
+    between = np.maximum(low[:, None] - high, low - high[:, None]).max(axis=2)
+    groups = connected_components(csr_array(between < APART), directed=False)[1]
+    areas = np.bincount(groups, np.bincount(labels, mesh.area_faces, minlength=n))
+    stray = groups != areas.argmax()
+    if not stray.any():
+        return []
+    share, off = areas.sum() - areas.max(), between[stray][:, ~stray].min(axis=1).max()
+    found = f"{_count(int(stray.sum()), 'piece')} up to {1e3 * off:.0f} mm from the rest"
+    return [f"{found}, with {share / areas.sum():.1%} of the area: taken for parts of the object"]
 
 
 def _count(n: int, thing: str) -> str:

@@ -57,6 +57,11 @@ class SiteGaps:
         """Return the gaps of one frame."""
         return SiteGaps(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
+    def fill(self, frames: Integers, some: "SiteGaps") -> None:
+        """Put the gaps of some frames in their places."""
+        for name in self.__dataclass_fields__:
+            getattr(self, name)[frames] = getattr(some, name)
+
 
 def unknown_gaps(*leading: int) -> SiteGaps:
     """Return the gaps of a hand or an object that is not known, for leading axes such as frames."""
@@ -84,9 +89,7 @@ def site_gaps(surface: HandSurface, target: ObjectDistance) -> SiteGaps:
     known = np.flatnonzero(np.isfinite(surface.centres).all(axis=(1, 2)))
     for start in range(0, len(known), FRAMES_AT_ONCE):
         frames = known[start : start + FRAMES_AT_ONCE]
-        found = _refined(surface, surface.centres[frames], target)
-        for name in gaps.__dataclass_fields__:
-            getattr(gaps, name)[frames] = getattr(found, name)
+        gaps.fill(frames, _refined(surface, surface.centres[frames], target))
     return gaps
 
 
@@ -153,15 +156,14 @@ def _best_samples(
 
 def _samples(surface: HandSurface, centres: Floats) -> _Samples:
     """Return the places that are asked first, by site: more of them on longer shapes."""
-    shapes, weights = [], []
-    for number, corners in enumerate(surface.shapes):
-        sides = np.linalg.norm(centres[corners] - centres[np.roll(corners, 1)], axis=1)
-        n_corners = len(set(corners.tolist()))
-        steps = int(np.ceil(sides.max() / SAMPLE_SPACING[n_corners == 3]))
-        lattice = _lattice(steps, n_corners)
-        shapes.append(np.full(len(lattice), number))
-        weights.append(lattice)
-    shape, weight = np.concatenate(shapes), np.concatenate(weights)
+    a, b, c = surface.shapes.T
+    n_corners = 1 + (b != a) + ((c != a) & (c != b))
+    spanning = centres[surface.shapes]
+    longest = np.linalg.norm(spanning - np.roll(spanning, 1, axis=1), axis=2).max(axis=1)
+    steps = np.ceil(longest / np.where(n_corners == 3, *SAMPLE_SPACING[::-1])).astype(np.int64)
+    lattices = [_lattice(*kind) for kind in zip(steps.tolist(), n_corners.tolist(), strict=True)]
+    shape = np.repeat(np.arange(len(lattices)), [len(lattice) for lattice in lattices])
+    weight = np.concatenate(lattices)
     owners = surface.sites[shape]
     order = np.argsort(owners, kind="stable")
     starts = np.searchsorted(owners[order], np.arange(N_SITES))

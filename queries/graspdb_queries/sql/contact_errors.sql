@@ -13,6 +13,7 @@
 --   n_points       sites of the digit in contact at the snapshot
 --   measured       measured centre of pressure nearest in time to the snapshot, object frame (3) [m]
 --   error          distance of the mean of the digit's contact points to it [m]; null without any
+--   weighted_error  distance of their mean weighted by the square of how far each gap is below h [m]
 --   distal_error   distance of the contact point of the digit's most distal touching site to it [m]
 --
 -- For trials with reference_contacts; a pressure counts if it was measured within 20 ms of the snapshot.
@@ -36,11 +37,20 @@ estimated AS (
         digit,
         count(*) AS n_points,
         [avg(position[1]), avg(position[2]), avg(position[3])] AS middle,
+        [
+            sum(position[1] * depth ** 2) / sum(depth ** 2),
+            sum(position[2] * depth ** 2) / sum(depth ** 2),
+            sum(position[3] * depth ** 2) / sum(depth ** 2)
+        ] AS pressed_middle,
         arg_max(
             position,
             list_position(['cmc', 'mcp', 'pip', 'dip', 'ip', 'tip'], split_part(site, '_', 2))
         ) AS distal
-    FROM contacts
+    FROM (
+        SELECT contacts.*, greatest(contact_threshold - contacts.gap, 1e-6) AS depth
+        FROM contacts
+        JOIN grasps USING (grasp)
+    )
     GROUP BY grasp, digit
 )
 SELECT
@@ -53,6 +63,7 @@ SELECT
     coalesce(n_points, 0) AS n_points,
     measured,
     list_distance(middle, measured) AS error,
+    list_distance(pressed_middle, measured) AS weighted_error,
     list_distance(distal, measured) AS distal_error
 FROM (
     SELECT *, list_position(['thumb', 'index', 'middle', 'ring', 'little'], digit) AS place

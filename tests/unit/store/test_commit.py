@@ -47,6 +47,7 @@ def test_a_committed_trial_is_seen_whole(store: Store) -> None:
         "contact_events": 0,
         "contact_maps": 0,
         "reference_contacts": 2,
+        "measured_maps": 0,
     }
 
 
