@@ -41,7 +41,7 @@ def test_features_find_their_object(database: graspdb.Database, shared_data: Pat
 def test_a_search_through_the_database_finds_like_features_first(database: graspdb.Database) -> None:
     found = gallery(database)
     shared = np.flatnonzero(found.partners.any(axis=1))
-    asked = np.union1d(np.arange(len(found.keys))[::8], shared[::2])
+    asked = np.union1d(np.arange(len(found.keys))[::8], shared)
     answers = {i: database.similar(found.keys[i], len(found.keys)).hits for i in asked}
     places = {key: i for i, key in enumerate(found.keys)}
     for i, hits in answers.items():
@@ -50,7 +50,7 @@ def test_a_search_through_the_database_finds_like_features_first(database: grasp
         assert costs == sorted(costs)
     first = np.mean([hits[0].object == found.objects[i] for i, hits in answers.items()])
     ranks = []
-    for i in shared[::2]:
+    for i in shared:
         partners = [found.partners[i, places[hit.grasp]] for hit in answers[i] if hit.grasp in places]
         ranks.append(1 / (1 + partners.index(True)))
     print(f"\nbest hit of {len(asked)} on the same object: {first:.2f}")
