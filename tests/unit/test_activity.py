@@ -9,7 +9,7 @@ import pytest
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.activity import next_activity, parts_of
+from graspdb_ingest.tracking.activity import next_activity, noise_ratio, parts_of
 from graspdb_ingest.tracking.following import follow, make_follower
 from graspdb_ingest.tracking.motion import MotionModel, MotionNoise, from_blocks, motion_model
 from graspdb_ingest.tracking.smoother import Disturbances, ForwardPass
@@ -88,7 +88,7 @@ def test_factors_come_to_rest(rounds):
 
 def test_disturbances_have_the_size_that_their_number_says_once_the_factors_fit(rounds, hand):
     _, seen = rounds[-1]
-    for part in range(5):
+    for part in range(3):
         own = parts_of(hand) == part
         ratio = seen.squared[20:-20, own].sum() / seen.determined[20:-20, own].sum()
         assert 0.7 < ratio < 1.2
@@ -118,3 +118,17 @@ def test_a_hand_that_nobody_sees_keeps_its_factors(hand):
     unseen = Disturbances(np.zeros((50, 29)), np.zeros((50, 29)))
     before = np.random.default_rng(1).uniform(0.5, 2, (50, 29))
     assert next_activity(unseen, parts_of(hand), RATE, before) == pytest.approx(before)
+
+
+@pytest.mark.parametrize(("noise", "slow"), [(0.3, False), (1.0, False), (0.5, True)])
+def test_noise_is_measured_from_what_a_track_leaves(noise, slow):
+    rng = np.random.default_rng(5)
+    n, n_markers, taken = 600, 24, 29
+    errors = rng.normal(0, noise, (n // 60 if slow else n, 3 * n_markers))
+    errors = np.repeat(errors, 60, axis=0) if slow else errors
+    # a posture that takes up all of the noise in its own directions, or next to nothing of it
+    space = np.linalg.qr(rng.normal(size=(3 * n_markers, taken)))[0]
+    left = errors - errors @ space @ space.T if slow else errors
+    told = Disturbances(*np.zeros((2, n, taken)))
+    assert noise_ratio(left.reshape(n, n_markers, 3), told, RATE) == pytest.approx(noise**2, rel=0.15)
+    assert noise_ratio(np.full((n, n_markers, 3), np.nan), told, RATE) == 1.0

@@ -44,6 +44,7 @@ class Follower:
         marker_sd: Floats,
         parameters: TrackingParameters,
         forgotten_after: int,
+        gated: bool = True,
     ) -> None:
         self._kinematics = kinematics
         self._filter = filter_
@@ -51,6 +52,7 @@ class Follower:
         self._marker_sd = marker_sd
         self._minimum = parameters.minimum_start_markers
         self._forgotten_after = forgotten_after
+        self._gated = gated
         self._state: State | None = None
         self._doubtful = 0
         self._unseen = 0
@@ -80,7 +82,7 @@ class Follower:
         if self._state is None:
             return self._start(observed, readings)
         predicted = self._filter.predict(self._state, activity)
-        update = self._filter.update(predicted, observed, readings=readings, seen=seen)
+        update = self._filter.update(predicted, observed, self._gated, readings, seen)
         rejected = n_seen - np.count_nonzero(update.used)
         self._doubtful = self._doubtful + 1 if 2 * rejected > n_seen else 0
         self._state = update.state
@@ -110,16 +112,19 @@ def make_follower(
     rate: float,
     noise: MotionNoise | None = None,
     marker_sd: Floats | None = None,
+    gated: bool = True,
 ) -> Follower:
     """Return the forward pass of a hand, frame by frame; the workspace is its own from now on.
 
-    `marker_sd` are the least standard deviations that markers have, where calibration found them.
+    `marker_sd` are the least standard deviations that markers have, where calibration found them. Without
+    `gated` every marker counts, however far it is from its prediction.
     """
     usual = parameters.marker_sd if noise is None else noise.marker_sd
     least = np.zeros(len(kinematics.hand.markers)) if marker_sd is None else marker_sd
     marker_sd = np.maximum(least, usual)
     filter_ = HandFilter(kinematics, motion, prior, marker_sd, parameters.gate)
-    return Follower(kinematics, filter_, prior, marker_sd, parameters, round(FORGOTTEN_AFTER * rate))
+    forgotten_after = round(FORGOTTEN_AFTER * rate)
+    return Follower(kinematics, filter_, prior, marker_sd, parameters, forgotten_after, gated)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """A hand followed through a recording: forward and backward, until faults and liveliness are known."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.activity import next_activity, parts_of
+from graspdb_ingest.tracking.activity import next_activity, noise_ratio, parts_of
 from graspdb_ingest.tracking.faults import (
     Fault,
     find_breaks,
@@ -149,12 +150,18 @@ def track_hand(
         *find_drifts(put_right - modelled, rejected, rate, deviations),
     )
     repaired, parts = without(markers, faults), parts_of(hand)
-    if not np.array_equal(repaired, trusted, equal_nan=True):
-        disturbances = passes.disturbances(repaired, usual)
-    activity = next_activity(disturbances, parts, rate, usual)
-    activity = next_activity(passes.disturbances(repaired, activity), parts, rate, activity)
+    # What the first pass left out stays out, and the later ones gate nothing: where a hand that kept still
+    # sets out, a calm filter would take its markers for wrong.
+    repaired[rejected] = np.nan
+    later = passes.without_gate()
+    if not np.array_equal(repaired, np.where(rejected[..., None], np.nan, trusted), equal_nan=True):
+        disturbances = later.disturbances(repaired, usual)
+    left = np.where(track.used[..., None], track.residuals, np.nan) / deviations[:, None]
+    ratio = noise_ratio(left, disturbances, rate)
+    activity = next_activity(disturbances, parts, rate, usual, ratio)
+    activity = next_activity(later.disturbances(repaired, activity), parts, rate, activity, ratio)
     relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
-    return replace(passes.track(relabelled, repaired, activity)[0], faults=faults)
+    return replace(later.track(relabelled, repaired, activity)[0], faults=faults)
 
 
 def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Floats, Bools]:
@@ -185,6 +192,13 @@ class _Passes:
         self._kinematics = Kinematics(hand)
         self._motion = motion_model(hand, prior, noise, 1 / rate)
         self._forward = ForwardPass(n_frames, hand.n_dof)
+        self._gated = True
+
+    def without_gate(self) -> "_Passes":
+        """Return the same passes, in which every marker counts."""
+        other = copy(self)
+        other._gated = False
+        return other
 
     def track(self, relabelled: Floats, repaired: Floats, activity: Floats) -> tuple[HandTrack, Disturbances]:
         """Return the smoothed track of the repaired markers, and what disturbed it.
@@ -217,6 +231,7 @@ class _Passes:
             self._rate,
             self._noise,
             self._marker_sd,
+            self._gated,
         )
         self._forward.clear()
         for stretch in follow(follower, markers, self._glove, self._forward, activity):
