@@ -64,7 +64,7 @@ def test_prior_of_a_recording_comes_near_the_one_its_postures_were_drawn_from(ha
     assert learned.n_independent == learned.n_frames
     spread = np.sqrt(np.diagonal(learned.prior.covariance) / np.diagonal(default.covariance))
     # the draws have half of the default's spread
-    assert np.median(spread) == pytest.approx(0.5, abs=0.12)
+    assert np.median(spread) == pytest.approx(0.5, abs=0.08)
 
 
 @pytest.mark.parametrize("n", [15, 40, 150])

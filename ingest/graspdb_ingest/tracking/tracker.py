@@ -155,7 +155,7 @@ def track_hand(
     repaired[rejected] = np.nan
     later = passes.without_gate()
     if not np.array_equal(repaired, np.where(rejected[..., None], np.nan, trusted), equal_nan=True):
-        disturbances = later.disturbances(repaired, usual)
+        track, disturbances = later.track(without(markers, swaps), repaired, usual)
     left = np.where(track.used[..., None], track.residuals, np.nan) / deviations[:, None]
     ratio = noise_ratio(left, disturbances, rate)
     activity = next_activity(disturbances, parts, rate, usual, ratio)
