@@ -168,7 +168,7 @@ class Database:
         progress: "Progress | None" = None,
         **options: Any,
     ) -> "ExportReport":
-        """Write what a query selects in a form that other programs read; ``graspdb export --list`` tells which.
+        """Write what a query selects in a form that other programs read; see ``graspdb export --list``.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Database:
         Raises
         ------
         ParameterError
-            There is no such form, an option is not allowed, a text is empty, or one side of the split would be.
+            There is no such form, an option is not allowed, a text is empty, or so is a side of the split.
         QueryError
             The filter cannot be used or selects nothing; or the file is there already, or cannot be written.
         ExportError

@@ -101,8 +101,9 @@ def _counts(told: Told) -> Iterator[str]:
     yield f"| all | {' | '.join(f'{number:,}' for number in counts.values())} |"
     yield ""
     if sides:
-        yield f"The sides share no {'trial' if told.options.split == 'random' else told.options.split}. Which side one"
-        yield f"is on follows from its name and the seed, {told.options.seed}, alone: it stays there when data is added."
+        shared = "trial" if told.options.split == "random" else told.options.split
+        yield f"The sides share no {shared}. The side that one is on follows from its name and the seed,"
+        yield f"{told.options.seed}, alone: it stays there when data is added."
         yield ""
     gone = left_out(told.written)
     for reason, number in gone.items():

@@ -154,8 +154,8 @@ class Writer(ABC, Generic[Item]):
         """Write what needs all parts, once they are written; may be done again after an interruption."""
 
     @abstractmethod
-    def features(self, written: Sequence[Written]) -> Sequence[Feature]:
-        """Return what the files hold, for the card."""
+    def features(self) -> Sequence[Feature]:
+        """Return what the files hold, for the card; asked once `finish` is done."""
 
 
 _WRITERS: Final[dict[str, type[Writer[Any]]]] = {}

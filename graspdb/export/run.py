@@ -114,7 +114,7 @@ def run_export(
     writer = kind(folder, options, database)
     try:
         _write(writer, engine, selection, journal, progress)
-        features = writer.features(journal.written)
+        features = writer.features()
     except GraspDBError:
         journal.discard()
         raise

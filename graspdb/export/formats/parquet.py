@@ -19,7 +19,7 @@ class ParquetWriter(Writer[Grasp]):
         pq.write_table(pa.Table.from_pylist(rows), self.folder / f"part-{part.index:05}.parquet")
         return Written(part.split, {"grasps": len(rows)})
 
-    def features(self, written: Sequence[Written]) -> Sequence[Feature]:
+    def features(self) -> Sequence[Feature]:
         """Return what the files hold."""
         return [
             Feature("grasp", "string", "()", "", "key of the grasp"),
