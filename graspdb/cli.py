@@ -42,7 +42,7 @@ app.command()(schema)
 app.command()(sql)
 app.command()(query)
 app.command()(similar)
-app.add_typer(export)
+app.command()(export)
 app.command()(hand)
 app.add_typer(validate)
 
