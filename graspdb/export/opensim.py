@@ -2,15 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from graspdb.export.items import Floats
 from graspdb_schemas.vocabulary import JOINT_ANGLES
-
-Floats = NDArray[np.floating[Any]]
 
 MILLIMETRES: Final = 1000.0
 """Millimetres in a metre: TRC files are written in millimetres, which every reader of them knows."""
