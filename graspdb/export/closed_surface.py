@@ -41,6 +41,12 @@ class ClosedSurface:
     vertices: Floats
     faces: NDArray[np.int32]
 
+    @property
+    def volume(self) -> float:
+        """Enclosed volume [m3], the sum of the signed tetrahedra from the origin to each triangle."""
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
 
 def closed_surface(
     points: Floats, normals: Floats, spacing: float, faces: int | None = None

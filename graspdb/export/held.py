@@ -163,7 +163,7 @@ class HeldReader:
                 map_points=np.array(row["map_points"] or [], dtype=np.int64),
                 map_gaps=np.array(row["map_gaps"] or [], dtype=float),
                 up=None if row["up"] is None else np.array(row["up"], dtype=float),
-                world_from_object=_pose(row["object_position"], row["object_quaternion"]),
+                world_from_object=pose_matrix(row["object_position"], row["object_quaternion"]),
                 **{name: row[name] for name in _PLAIN},
             )
 
@@ -185,7 +185,7 @@ class HeldReader:
 _PLAIN: Final = ("mass", "friction", "grasp_type", "task", "category", "mesh_sha256", "licence", "data_set")
 
 
-def _pose(position: list[float] | None, quaternion: list[float] | None) -> Floats | None:
+def pose_matrix(position: list[float] | None, quaternion: list[float] | None) -> Floats | None:
     """Return a pose as a matrix, or None where it is not known."""
     if position is None or quaternion is None:
         return None

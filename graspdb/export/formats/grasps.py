@@ -4,25 +4,19 @@ import io
 import json
 import tarfile
 from collections.abc import Iterator, Sequence
-from hashlib import sha256
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb.export.closed_surface import closed_surface
 from graspdb.export.grasp_arrays import ARRAYS, OBJECT_ARRAYS, TEXTS, arrays, object_choice, texts
-from graspdb.export.held import Cloud, HeldObject, HeldReader
+from graspdb.export.held import HeldObject, HeldReader
 from graspdb.export.items import Grasp
-from graspdb.export.ply import point_properties, write_ply
+from graspdb.export.objects import ObjectMeshes, object_name
 from graspdb.export.registry import Feature, Format, Part, Writer, Written, export_format
 
 SHARD: Final = 256
 """Grasps of a shard."""
-
-MESH_FACES: Final = 20_000
-"""Triangles of a mesh, at most."""
 
 Sample = tuple[dict[str, str], dict[str, np.ndarray]]
 
@@ -38,7 +32,7 @@ class _Samples(Writer[Grasp]):
             if key not in chosen:
                 chosen[key] = object_choice(held.cloud.points)
                 self._write_object(held, chosen[key])
-            name = _object_name(held)
+            name = object_name(held)
             mesh = f"objects/{name}.ply" if (self.folder / "objects" / f"{name}.ply").exists() else ""
             yield texts(held, mesh, f"objects/{name}.npz"), arrays(held, chosen[key])
 
@@ -49,10 +43,10 @@ class _Samples(Writer[Grasp]):
     def _write_object(self, held: HeldObject, chosen: NDArray[np.int64]) -> None:
         folder = self.folder / "objects"
         folder.mkdir(exist_ok=True)
-        path, cloud = folder / f"{_object_name(held)}.npz", held.cloud
+        path, cloud = folder / f"{object_name(held)}.npz", held.cloud
         if path.exists():
             return
-        _write_mesh(cloud, path.with_suffix(".ply"))
+        ObjectMeshes(self.folder, ".ply").of(held)
         scratch = path.with_suffix(".part")
         with scratch.open("wb") as file:
             np.savez(
@@ -99,18 +93,6 @@ class WebDatasetWriter(_Samples):
 
 def _shard_name(part: Part[Grasp]) -> str:
     return f"{part.split}-{part.index:05}" if part.split else f"grasps-{part.index:05}"
-
-
-def _object_name(held: HeldObject) -> str:
-    """Return a file name for an object: its own, as far as it is plain, and what tells clouds apart."""
-    plain = "".join(sign if sign.isalnum() or sign in "-_" else "_" for sign in held.grasp.object)
-    return f"{plain}-{sha256(held.cloud.key.encode()).hexdigest()[:8]}"
-
-
-def _write_mesh(cloud: Cloud, path: Path) -> None:
-    surface = closed_surface(cloud.points, cloud.normals, cloud.spacing, MESH_FACES)
-    if surface is not None:
-        write_ply(path, point_properties(surface.vertices), surface.faces)
 
 
 def _npy(values: np.ndarray) -> bytes:

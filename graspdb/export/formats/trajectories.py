@@ -131,7 +131,7 @@ class MotWriter(Writer[Episode]):
         return (
             Feature("*_hand.mot: forearm_rx, _ry, _rz", "text", "(T, 3)", "rad",
                     "forearm: rotations about its own x, then y, then z"),
-            Feature("*_hand.mot: forearm_tx, _ty, _tz", "text", "(T, 3)", "m", "forearm: position in the lab"),
+            Feature("*_hand.mot: forearm_tx, _ty, _tz", "text", "(T, 3)", "m", "forearm: position, lab"),
             Feature("*_hand.mot: <joint>", "text", "(T, 23)", "rad", "hinges; flexion, abduction above 0"),
             Feature("*_object.mot: object_rx ... object_tz", "text", "(T, 6)", "rad, m",
                     "object: the same six coordinates"),
