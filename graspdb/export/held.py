@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 _AROUND: Final = """
     SELECT g.grasp, g.grasp_type, g.task, g.n_contacts, h.radii, h.mjcf,
-           o.cloud, o.object_ingest_id, o.mass, o.friction, o.cloud_spacing, o.category, o.mesh_sha256,
+           o.cloud, o.object_ingest_id, o.mass, o.friction, o.center_of_mass, o.cloud_spacing,
+           o.category, o.mesh_sha256,
            m.points AS map_points, m.gaps AS map_gaps,
            f.object_position, f.object_quaternion, t.licence, t.data_set,
            (SELECT any_value(s.up) FROM sessions s WHERE list_contains(t.context, s.ingest_id)) AS up
@@ -82,6 +83,8 @@ class HeldObject:
         Points of the cloud near the hand, and their signed distances to it [m].
     mass, friction : float or None
         Mass [kg] and coefficient of friction of the object.
+    center : ndarray, shape (3,)
+        Centre of mass of the object, or of its surface where the database does not say it [m].
     up : ndarray, shape (3,), or None
         Vertical of the lab frame.
     world_from_object : ndarray, shape (4, 4), or None
@@ -98,6 +101,7 @@ class HeldObject:
     map_gaps: Floats
     mass: float | None
     friction: float | None
+    center: Floats
     up: Floats | None
     world_from_object: Floats | None
     grasp_type: str | None
@@ -155,9 +159,11 @@ class HeldReader:
         around = {row["grasp"]: row for row in rows}
         for grasp in grasps:
             row = around[grasp.id]
+            cloud = self._cloud(grasp.object, row)
             yield HeldObject(
                 grasp=grasp,
-                cloud=self._cloud(grasp.object, row),
+                cloud=cloud,
+                center=np.array(row["center_of_mass"] or cloud.points.mean(axis=0), dtype=float),
                 radii=np.array(row["radii"] or [np.nan] * N_SITES, dtype=float),
                 hand_mjcf=row["mjcf"],
                 map_points=np.array(row["map_points"] or [], dtype=np.int64),

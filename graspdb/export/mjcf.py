@@ -8,6 +8,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from graspdb.export.grip import grip_forces
 from graspdb.export.items import Floats
 from graspdb_ingest.hand import HandModel
 from graspdb_ingest.rigid import quaternions_from_rotations
@@ -33,11 +34,14 @@ ARMATURE: Final = 1e-4
 DENSITY: Final = 500.0
 """Mass over enclosed volume of an object whose mass is not known [kg/m3]."""
 
-GRIP: Final = 3.0
-"""How many times the grip's friction could carry the object's weight."""
+GRIP: Final = 1.0
+"""Preload of all contacts together, over what carries the weight by friction alone."""
 
-PUSHES: Final = (0.5, 10.0)
-"""Least and greatest force with which each touching site presses [N]."""
+STARTS: Final = 8
+"""Places from which MuJoCo looks for contacts of each pair; each gives one contact at most."""
+
+PRELOADS: Final = (0.5, 5.0)
+"""Least and greatest normal force with which each touching site presses to begin with [N]."""
 
 HAND_BIT: Final = 1
 """Contact type of hand and support, which collide with the object alone: no segment blocks another."""
@@ -58,11 +62,14 @@ class SceneObject:
         Mass [kg].
     friction : float
         Coefficient of sliding friction.
+    center : ndarray, shape (3,)
+        Centre of mass, object frame [m].
     """
 
     mesh: str
     mass: float
     friction: float
+    center: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +99,12 @@ class Press:
     ----------
     sites : sequence of int
         Numbers of the touching sites.
-    normals : ndarray, shape (n, 3)
-        Outward normals of the object there, object frame.
+    points, normals : ndarray, shape (n, 3)
+        Where they touch [m], and the outward normals of the object there, object frame.
     """
 
     sites: Sequence[int]
+    points: Floats
     normals: Floats
 
 
@@ -114,7 +122,7 @@ def grasp_scene(
 
     The forearm is welded to a mocap body, ``forearm_target``: moving that carries the hand. Each hinge has a
     position servo of its name. Controls of a keyframe are its angles, in the first one with what makes the
-    touching sites press: by the transposed Jacobian, force f at a site takes the torque J^T f.
+    touching sites grip (`grip_forces`): by the transposed Jacobian, force f at a site takes the torque J^T f.
 
     Parameters
     ----------
@@ -143,9 +151,8 @@ def grasp_scene(
     _object(spec, held, keyframes[0])
     if up is not None and support is not None:
         _plane(spec, up, support, held.friction)
-    force = _push(held, len(press.sites), up is not None)
     for number, keyframe in enumerate(keyframes):
-        bend = _bend(hand, keyframe, press, force) if number == 0 else np.zeros(hand.n_q - 7)
+        bend = _bend(hand, keyframe, held, press, up) if number == 0 else np.zeros(hand.n_q - 7)
         _keyframe(spec, keyframe, bend)
     spec.compile()
     path.write_text(spec.to_xml(), encoding="utf-8")
@@ -157,6 +164,7 @@ def _options(spec: mujoco.MjSpec, up: Floats | None) -> None:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10
+    spec.option.sdf_initpoints = STARTS
     spec.worldbody.add_light(pos=[0, 0, 2], dir=[0, 0, -1])
 
 
@@ -194,9 +202,7 @@ def _hand(spec: mujoco.MjSpec, friction: float, grasp: Keyframe) -> None:
         type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, name1=f"{root}_target", name2=root
     )
     place = np.zeros(len(weld.data))
-    place[[6, 10]] = (
-        1.0  # no turn between the two (w of w x y z); torques as strong as forces
-    )
+    place[[6, 10]] = 1.0  # no turn between the two (w of w x y z); torques as strong as forces
     weld.data = place
 
 
@@ -237,20 +243,24 @@ def _plane(spec: mujoco.MjSpec, up: Floats, height: float, friction: float) -> N
     )
 
 
-def _push(held: SceneObject, n_sites: int, weighs: bool) -> float:
-    """Return the force with which each touching site presses [N]."""
-    if not n_sites:
-        return 0.0
-    needed = GRIP * held.mass * GRAVITY / (held.friction * n_sites) if weighs else PUSHES[0]
-    return float(np.clip(needed, *PUSHES))
-
-
-def _bend(hand: HandModel, grasp: Keyframe, press: Press, force: float) -> Floats:
+def _bend(hand: HandModel, grasp: Keyframe, held: SceneObject, press: Press, up: Floats | None) -> Floats:
     """Return how far beyond its angle each servo aims, so that the touching sites press [rad]."""
-    jacobian = hand.site_jacobian(grasp.q)[list(press.sites)]
-    pushes = -force * press.normals @ grasp.world_from_object[:3, :3].T
-    known = np.isfinite(pushes).all(axis=1)
-    torques = np.einsum("ijk,ij->k", jacobian[known], pushes[known])[6:]
+    known = np.isfinite(press.points).all(axis=1) & np.isfinite(press.normals).all(axis=1)
+    if not known.any():
+        return np.zeros(hand.n_q - 7)
+    rotation = grasp.world_from_object[:3, :3]
+    weight = np.zeros(3) if up is None else -held.mass * GRAVITY * (rotation.T @ up)
+    preload = GRIP * float(np.linalg.norm(weight)) / (held.friction * known.sum())
+    forces = grip_forces(
+        press.points[known],
+        press.normals[known],
+        held.center,
+        weight,
+        held.friction,
+        float(np.clip(preload, *PRELOADS)),
+    )
+    jacobian = hand.site_jacobian(grasp.q)[np.array(press.sites)[known]]
+    torques = np.einsum("ijk,ij->k", jacobian, forces @ rotation.T)[6:]
     wrist = np.array([name.startswith("wrist") for name in hand.joints])
     return np.asarray(torques / STIFFNESS * np.where(wrist, 1 / WRIST, 1.0))
 

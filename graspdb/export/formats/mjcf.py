@@ -98,9 +98,9 @@ def write_scene(
         path,
         held.grasp.id,
         posed.model,
-        SceneObject(file, mass, held.friction or QualityParameters().friction),
+        SceneObject(file, mass, held.friction or QualityParameters().friction, held.center),
         [grasp, *(others if posed.residual is None else ())],
-        Press(held.contact_site_numbers.tolist(), held.grasp.contact_normals),
+        Press(held.contact_site_numbers.tolist(), held.grasp.contact_points, held.grasp.contact_normals),
         up,
         support,
     )
