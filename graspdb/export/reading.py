@@ -1,5 +1,6 @@
 """From rows of a selection to episodes and grasps, with one query a slice."""
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -66,8 +67,12 @@ def _episode(row: dict[str, Any], frames: pa.Table) -> Episode:
 
 
 def task_text(row: dict[str, Any]) -> str:
-    """Return a task in words, such as ``lift the mug with the right hand, medium wrap``."""
-    kind = f", {row['grasp_type']}" if row["grasp_type"] else ""
+    """Return a task in words, such as ``lift the mug with the right hand, medium wrap``.
+
+    Where there are several grasps, the commonest type is named, of those as common the first.
+    """
+    types = Counter(name for name in row["grasp_types"] if name)
+    kind = f", {types.most_common(1)[0][0]}" if types else ""
     return f"{row['task'] or 'grasp'} the {row['object']} with the {row['side']} hand{kind}"
 
 

@@ -107,7 +107,7 @@ class Format:
     part : int
         Items of a part.
     library : str
-        Module that it needs and that is not always there; empty if none. The extra of that name has it.
+        Module that it needs and that is not always there; empty if none. The extra ``export`` has it.
     """
 
     name: str
