@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from graspdb.export.errors import ExportError
 from graspdb.export.items import Episode
 from graspdb.export.registry import Feature, Part, Writer, Written
-from graspdb.export.steps import Refused, Steps, step_features, steps_of
+from graspdb.export.steps import Refused, Steps, step_columns, step_features, steps_of
 
 EPISODE_OPTIONS: Final = ("fps", "state", "missing")
 """Options that writers of episodes heed."""
@@ -22,6 +22,10 @@ Stepped = tuple[Episode, Steps]
 
 class EpisodeWriter(Writer[Episode]):
     """Writes episodes step by step."""
+
+    def columns(self) -> Sequence[str]:
+        """Return what steps are made of."""
+        return step_columns(self.options)
 
     def write(self, part: Part[Episode]) -> Written:
         """Write those episodes of a part that have steps."""

@@ -146,6 +146,12 @@ class Writer(ABC, Generic[Item]):
         self.options = options
         self.database = database
 
+    def columns(self) -> Sequence[str]:
+        """Return the columns of `frames` that episodes are to have; see `reading.FRAME_COLUMNS`."""
+        from graspdb.export.reading import FRAME_COLUMNS
+
+        return FRAME_COLUMNS
+
     @abstractmethod
     def write(self, part: Part[Item]) -> Written:
         """Write the items of a part."""

@@ -108,7 +108,7 @@ def steps_of(episode: Episode, options: ExportOptions) -> Steps | Refused:
     """
     if episode.n_frames < FEWEST or not np.isfinite(episode.rate):
         return STATIC
-    if options.state == "configuration" and not episode.q.shape[1]:
+    if options.state == "configuration" and not np.isfinite(episode.q).any():
         return NO_ANGLES
     samples = sample(episode.time, options.fps or 1)
     state = _state(episode, samples, options.state)
@@ -132,6 +132,12 @@ def steps_of(episode: Episode, options: ExportOptions) -> Steps | Refused:
         start=float(episode.time[0]) + start / (options.fps or 1),
         dropped=len(known) - (end - start),
     )
+
+
+def step_columns(options: ExportOptions) -> tuple[str, ...]:
+    """Return the columns of `frames` that steps are made of."""
+    hand = "sites" if options.state == "sites" else "q"
+    return (hand, "object_position", "object_quaternion", "touching")
 
 
 def _state(episode: Episode, samples: Samples, kind: str) -> Floats:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from graspdb.export.episodes import EPISODE_OPTIONS, EpisodeWriter, Stepped, before
 from graspdb.export.items import Episode
 from graspdb.export.registry import Feature, Format, Part, Written, export_format
-from graspdb.export.statistics import STATISTICS, RunningStatistics, episode_statistics
+from graspdb.export.statistics import STATISTICS, RunningStatistics, Statistics, episode_statistics
 from graspdb.export.steps import ACTION, ENVIRONMENT, ENVIRONMENT_NAMES, KNOWN, STATE, Steps, state_names
 
 VERSION: Final = "v3.0"
@@ -54,17 +54,21 @@ class LeRobotWriter(EpisodeWriter):
         new = [text for text in dict.fromkeys(episode.task for episode, _ in stepped) if text not in tasks]
         numbers = {text: index for index, text in enumerate([*tasks, *new])}
         first, start = before(part, "episodes"), before(part, "frames")
-        rows = []
+        rows: list[dict[str, Any]] = []
+        statistics: list[Statistics] = []
         path = self.folder / DATA.format(**place)
         path.parent.mkdir(parents=True, exist_ok=True)
         schema = _data_schema(stepped[0][1], self.options.missing)
-        with pq.ParquetWriter(path, schema, use_dictionary=["episode_index", "task_index"]) as file:
+        # Least and greatest help to find episodes; of vectors they would be no use to anybody.
+        found_by = ["episode_index", "index", "task_index"]
+        with pq.ParquetWriter(path, schema, use_dictionary=False, write_statistics=found_by) as file:
             for index, (episode, steps) in enumerate(stepped, first):
                 columns = self._columns(steps, index, start, numbers[episode.task])
                 file.write_table(_table(columns, schema))
-                rows.append({**_episode_row(episode, steps, index, start, place), **_flat(columns)})
+                rows.append(_episode_row(episode, steps, index, start, place))
+                statistics.append(episode_statistics(columns))
                 start += len(steps)
-        self._write_episodes(rows, place)
+        self._write_episodes(rows, statistics, place)
         return {"tasks": new}
 
     def _columns(self, steps: Steps, episode: int, start: int, task: int) -> Columns:
@@ -80,10 +84,20 @@ class LeRobotWriter(EpisodeWriter):
             "task_index": np.full(n, task),
         }
 
-    def _write_episodes(self, rows: list[dict[str, Any]], place: dict[str, int]) -> None:
+    def _write_episodes(
+        self, rows: list[dict[str, Any]], statistics: list[Statistics], place: dict[str, int]
+    ) -> None:
+        """Write the rows of episodes, with statistics in columns ``stats/<feature>/<statistic>``."""
+        table = pa.Table.from_pylist(rows)
+        for name in statistics[0]:
+            for statistic in STATISTICS:
+                numbers = np.stack([one[name][statistic] for one in statistics])
+                kind = pa.int64() if statistic == "count" else pa.float64()
+                column = _lists(numbers).cast(pa.list_(kind))
+                table = table.append_column(f"stats/{name}/{statistic}", column)
         path = self.folder / EPISODES.format(**place)
         path.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(pa.Table.from_pylist(rows), path)
+        pq.write_table(table, path)
 
     def finish(self, written: Sequence[Written]) -> None:
         """Write meta/info.json, meta/tasks.parquet and meta/stats.json."""
@@ -116,10 +130,7 @@ class LeRobotWriter(EpisodeWriter):
         for path in sorted((self.folder / "meta" / "episodes").rglob("*.parquet")):
             table = pq.read_table(path)
             for name in self._features():
-                batch = {
-                    statistic: np.array(table[f"stats/{name}/{statistic}"].to_pylist(), dtype=float)
-                    for statistic in STATISTICS
-                }
+                batch = {statistic: _numbers(table[f"stats/{name}/{statistic}"]) for statistic in STATISTICS}
                 running.setdefault(name, RunningStatistics()).add(batch)
         return {
             name: {statistic: numbers.tolist() for statistic, numbers in one.values().items()}
@@ -193,12 +204,7 @@ def _data_schema(steps: Steps, missing: str) -> pa.Schema:
 
 
 def _table(columns: Columns, schema: pa.Schema) -> pa.Table:
-    arrays = [
-        pa.array(values)
-        if values.ndim == 1
-        else pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
-        for values in columns.values()
-    ]
+    arrays = [pa.array(values) if values.ndim == 1 else _lists(values) for values in columns.values()]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
@@ -223,10 +229,12 @@ def _episode_row(
     }
 
 
-def _flat(columns: Columns) -> dict[str, list[float] | list[int]]:
-    """Return the statistics of an episode as columns ``stats/<feature>/<statistic>``."""
-    return {
-        f"stats/{name}/{statistic}": [int(numbers[0])] if statistic == "count" else numbers.tolist()
-        for name, statistics in episode_statistics(columns).items()
-        for statistic, numbers in statistics.items()
-    }
+def _lists(values: NDArray[Any]) -> pa.Array:
+    """Return rows of an array as lists of one length."""
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+
+
+def _numbers(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    """Return lists of one length as an array of floats."""
+    flat = column.combine_chunks().flatten().cast(pa.float64()).to_numpy()
+    return np.asarray(flat.reshape(len(column), -1))
