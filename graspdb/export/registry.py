@@ -107,7 +107,7 @@ class Format:
     part : int
         Items of a part.
     library : str
-        Module that it needs and that is not always there; empty if none. The extra of that name has it.
+        Module that it needs and that is not always there; empty if none. The extra ``export`` has it.
     """
 
     name: str
@@ -145,6 +145,12 @@ class Writer(ABC, Generic[Item]):
         self.folder = folder
         self.options = options
         self.database = database
+
+    def columns(self) -> Sequence[str]:
+        """Return the columns of `frames` that episodes are to have; see `reading.FRAME_COLUMNS`."""
+        from graspdb.export.reading import FRAME_COLUMNS
+
+        return FRAME_COLUMNS
 
     @abstractmethod
     def write(self, part: Part[Item]) -> Written:

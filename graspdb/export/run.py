@@ -1,6 +1,7 @@
 """From a query to an export: select, read part by part, write, add card and checksums."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ from graspdb.export.checksums import write_checksums
 from graspdb.export.errors import ExportError
 from graspdb.export.journal import Journal, export_key
 from graspdb.export.options import ExportOptions
-from graspdb.export.reading import read_episodes, read_grasps
+from graspdb.export.reading import episode_frames, episodes_of, grasps_of
 from graspdb.export.registry import Format, Part, Writer, writer_of
 from graspdb.export.selection import Selection, Slice, select
 from graspdb_queries.engine import Engine
@@ -27,8 +28,6 @@ Progress = Callable[[int, int], None]
 
 _EVERYWHERE: Final = ("where", "split", "seed")
 """Options that every format heeds."""
-
-_READ: Final = {"episodes": read_episodes, "grasps": read_grasps}
 
 DEFAULT_FPS: Final = 30
 """Frames a second where no trial says its rate."""
@@ -101,8 +100,8 @@ def run_export(
     kind = writer_of(form)
     _check(kind.format, options)
     selection = select(engine, options, kind.format.items)
-    if "fps" in kind.format.options and options.fps is None:
-        options = replace(options, fps=_common_rate(selection))
+    if "fps" in kind.format.options:
+        options = with_rate(options, selection)
     import graspdb
 
     version = graspdb.__version__
@@ -140,7 +139,7 @@ def _check(form: Format, options: ExportOptions) -> None:
             raise ParameterError(name, value, f"nothing, for format {form.name} does not heed it")
     if form.library and find_spec(form.library) is None:
         raise MissingLibraryError(
-            form.library, "it is not installed", f"Install it: pip install 'graspdb[{form.library}]'"
+            form.library, "it is not installed", "Install it: pip install 'graspdb[export]'"
         )
 
 
@@ -148,19 +147,33 @@ def _write(
     writer: Writer[Any], engine: Engine, selection: Selection, journal: Journal, progress: Progress | None
 ) -> None:
     """Write the parts that are not done yet, and what needs all of them."""
+    slices = list(selection.slices(writer.format.part))
     total = selection.rows.num_rows
-    for index, piece in enumerate(selection.slices(writer.format.part)):
-        if index >= len(journal.written):
-            items: Iterator[Any] = _READ[writer.format.items](engine, piece.rows)
-            journal.add(writer.write(_part(index, piece, items, journal)))
+    todo = range(len(journal.written), len(slices))
+    for index, items in zip(todo, _items(writer, engine, [slices[i] for i in todo]), strict=True):
+        piece = slices[index]
+        journal.add(writer.write(Part(index, piece.split, piece.first, items, tuple(journal.written))))
         if progress is not None:
             progress(piece.first + piece.rows.num_rows, total)
     _refuse_nothing(journal)
     writer.finish(journal.written)
 
 
-def _part(index: int, piece: Slice, items: Iterator[Any], journal: Journal) -> Part[Any]:
-    return Part(index, piece.split, piece.first, items, tuple(journal.written))
+def _items(writer: Writer[Any], engine: Engine, slices: Sequence[Slice]) -> Iterator[Iterator[Any]]:
+    """Yield the items of each slice; the frames of the next are read while those of one are written."""
+    if writer.format.items == "grasps":
+        yield from (grasps_of(engine, piece.rows) for piece in slices)
+        return
+    columns = writer.columns()
+    with ThreadPoolExecutor(1) as reader:
+        ahead = [reader.submit(episode_frames, engine, piece.rows, columns) for piece in slices[:1]]
+        for index, piece in enumerate(slices):
+            frames = ahead.pop().result()
+            ahead += [
+                reader.submit(episode_frames, engine, coming.rows, columns)
+                for coming in slices[index + 1 : index + 2]
+            ]
+            yield episodes_of(piece.rows, frames)
 
 
 def _refuse_nothing(journal: Journal) -> None:
@@ -176,10 +189,12 @@ def _refuse_nothing(journal: Journal) -> None:
             )
 
 
-def _common_rate(selection: Selection) -> int:
-    """Return the lowest rate of what was selected, as a whole number."""
+def with_rate(options: ExportOptions, selection: Selection) -> ExportOptions:
+    """Return options with a rate: that asked for, or the lowest of what was selected, as a whole number."""
+    if options.fps is not None:
+        return options
     lowest = pc.min(selection.rows["rate"]).as_py()
-    return DEFAULT_FPS if lowest is None else max(1, round(lowest))
+    return replace(options, fps=DEFAULT_FPS if lowest is None else max(1, round(lowest)))
 
 
 def _version_of(database: "Database") -> int:

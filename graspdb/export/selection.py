@@ -24,12 +24,17 @@ _GRASPS: Final = """
 
 _EPISODES: Final = """
     SELECT trial, side, any_value(session) AS session, any_value(subject) AS subject,
-           any_value(object) AS object, any_value(task) AS task, mode(grasp_type) AS grasp_type,
-           list(grasp ORDER BY snapshot_frame, grasp) AS grasps, any_value(ingest_id) AS ingest_id,
-           any_value(rate) AS rate, any_value(n_frames) AS n_frames, any_value(data_set) AS data_set,
-           any_value(data_set_version) AS data_set_version, any_value(licence) AS licence
+           any_value(object) AS object, any_value(task) AS task,
+           list(grasp ORDER BY snapshot_frame, grasp) AS grasps,
+           list(grasp_type ORDER BY snapshot_frame, grasp) AS grasp_types,
+           any_value(ingest_id) AS ingest_id, any_value(rate) AS rate, any_value(n_frames) AS n_frames,
+           any_value(data_set) AS data_set, any_value(data_set_version) AS data_set_version,
+           any_value(licence) AS licence
     FROM selected GROUP BY trial, side ORDER BY trial, side
 """
+
+_FRAMES: Final = 100_000
+"""Frames of a slice, if it has more than one row; a frame takes about a kilobyte while it is read."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +60,19 @@ class Selection:
     rows: pa.Table
 
     def slices(self, size: int) -> Iterator[Slice]:
-        """Yield slices of at most so many rows."""
-        start = 0
-        for split in pc.unique(self.rows["split"]).to_pylist():
-            end = start + pc.sum(pc.equal(self.rows["split"], split)).as_py()
-            for first in range(start, end, size):
-                yield Slice(first, split, self.rows.slice(first, min(size, end - first)))
-            start = end
+        """Yield slices of at most so many rows; of episodes, of so many frames that they fit into memory."""
+        splits = self.rows["split"].to_pylist()
+        frames = self.rows["n_frames"].to_pylist() if "grasps" in self.rows.column_names else []
+        first = held = 0
+        for row, split in enumerate(splits):
+            held += frames[row] or 0 if frames else 0
+            last = row + 1 == len(splits)
+            full = row + 1 - first == size or (
+                not last and frames and held + (frames[row + 1] or 0) > _FRAMES
+            )
+            if last or full or splits[row + 1] != split:
+                yield Slice(first, split, self.rows.slice(first, row + 1 - first))
+                first, held = row + 1, 0
 
 
 def select(engine: Engine, options: ExportOptions, items: str) -> Selection:
