@@ -47,6 +47,13 @@ def export(
         str | None,
         typer.Option(metavar="NAME", help="Frames without a pose: drop (default), or mask: fill and mark."),
     ] = None,
+    retarget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Configuration of dex-retargeting: adds a robot hand's joints; {side}: right or left.",
+        ),
+    ] = None,
     refuse_licence: Annotated[
         list[str] | None,
         typer.Option(metavar="TEXT", help="Leave out trials with this in their licence note, such as NC."),
@@ -70,6 +77,7 @@ def export(
         raise typer.BadParameter("FORMAT and OUT are needed; graspdb export --list shows the formats.")
     _check(form)
     given = {"where": where, "split": split, "seed": seed, "fps": fps, "state": state, "missing": missing}
+    given |= {"retarget": retarget}
     options = {name: value for name, value in given.items() if value is not None}
     with Database(db) as database, _progress_bar() as advance:
         report = database.export(form, out, refuse_licences=refuse_licence or (), progress=advance, **options)

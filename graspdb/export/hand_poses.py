@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graspdb.export.items import Episode, Floats
 from graspdb_ingest.rigid import fit_rigid
@@ -11,7 +12,6 @@ from graspdb_schemas.vocabulary import DIGITS, N_SITES, Side
 
 if TYPE_CHECKING:
     from graspdb.database import Database
-    from graspdb_ingest.hand import HandModel
 
 PALM: Final = tuple(4 * i for i in range(len(DIGITS)))
 """Sites that the hand segment carries, as indices of `SITES`."""
@@ -50,7 +50,7 @@ def _of_model(mjcf: str, episode: Episode) -> Floats | None:
     """Return the poses by joint angles; None where the model has no segment of that name."""
     from graspdb_ingest.hand import HandModel
 
-    model: HandModel = HandModel(Side(episode.side), mjcf, ())
+    model = HandModel(Side(episode.side), mjcf, ())
     if "hand" not in model.segments:
         return None
     poses = np.full((episode.n_frames, 4, 4), np.nan)
@@ -75,7 +75,7 @@ def _of_palm(row: dict[str, Any], sites: Floats) -> Floats:
     return poses
 
 
-def _matrices(rotations: Floats, positions: Floats) -> Floats:
+def _matrices(rotations: NDArray[Any], positions: NDArray[Any]) -> Floats:
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = rotations, positions
     return poses

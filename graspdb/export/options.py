@@ -34,6 +34,8 @@ class ExportOptions:
         What stands for the hand in episodes.
     missing : {'drop', 'mask'}
         Frames without a pose are left out with what lies beyond them, or kept, filled and marked.
+    retarget : str or None
+        Configuration of dex-retargeting for a robot hand that is to follow.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class ExportOptions:
     fps: int | None = None
     state: str = "configuration"
     missing: str = "drop"
+    retarget: str | None = None
 
     def __post_init__(self) -> None:
         if self.split is not None and self.split not in SPLITS:

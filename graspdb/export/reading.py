@@ -9,7 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from graspdb.export.items import Episode, Floats, Grasp
-from graspdb.grasp import read_grasp
+from graspdb.grasp import read_grasps
 from graspdb_queries.engine import Engine
 from graspdb_schemas.errors import QueryError
 from graspdb_schemas.vocabulary import N_SITES
@@ -169,6 +169,5 @@ def vectors(column: pa.ChunkedArray | pa.Array, *shape: int) -> Floats:
 
 
 def grasps_of(engine: Engine, rows: pa.Table) -> Iterator[Grasp]:
-    """Yield the grasps of some rows of a selection, in their order."""
-    for key in rows["grasp"].to_pylist():
-        yield read_grasp(engine, key)
+    """Return the grasps of some rows of a selection, in their order."""
+    return read_grasps(engine, rows["grasp"].to_pylist())

@@ -29,7 +29,7 @@ _FEATURES: Final = (
     Feature("valid", "bool", "(T,)", "", "whether hand and object are known; else they are NaN"),
     Feature("rate", "float64", "()", "Hz", "frames per second as recorded; NaN for static grasps"),
     Feature("key_point_names", "string", "(21,)", "", "names of the key points"),
-    Feature("trial, side, session, subject, object, task", "string", "()", "", "which hand, and what it does"),
+    Feature("trial, side, session, subject, object, task", "string", "()", "", "which hand, doing what"),
 )
 _ROBOT_FEATURES: Final = (
     Feature("action", "float32", "(T, n)", "rad, m", "joints of the robot hand; NaN where valid is false"),
@@ -51,11 +51,7 @@ class KeyPointsWriter(Writer[Episode]):
 
     def __init__(self, folder: Path, options: ExportOptions, database: "Database") -> None:
         super().__init__(folder, options, database)
-        self._robot: RobotHand | None = None
-        if options.retarget is not None:
-            from graspdb.export.retarget import RobotHand
-
-            self._robot = RobotHand(options.retarget)
+        self._robot = None if options.retarget is None else _robot_hand(options.retarget)
 
     def write(self, part: Part[Episode]) -> Written:
         """Write the hands of a part."""
@@ -92,6 +88,12 @@ class KeyPointsWriter(Writer[Episode]):
         if self._robot is not None:
             words["robot_joint_names"] = np.array(self._robot.joint_names(episode.side))
         return words
+
+
+def _robot_hand(config: str) -> "RobotHand":
+    from graspdb.export.retarget import RobotHand
+
+    return RobotHand(config)
 
 
 def _frames(episode: Episode, hands: Floats) -> dict[str, np.ndarray]:
