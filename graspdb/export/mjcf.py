@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -151,11 +152,14 @@ def grasp_scene(
     _object(spec, held, keyframes[0])
     if up is not None and support is not None:
         _plane(spec, up, support, held.friction)
+    spec.compile()
+    scene = ElementTree.fromstring(spec.to_xml())
+    keys = ElementTree.SubElement(scene, "keyframe")
     for number, keyframe in enumerate(keyframes):
         bend = _bend(hand, keyframe, held, press, up) if number == 0 else np.zeros(hand.n_q - 7)
-        _keyframe(spec, keyframe, bend)
-    spec.compile()
-    path.write_text(spec.to_xml(), encoding="utf-8")
+        ElementTree.SubElement(keys, "key", _keyframe(keyframe, bend))
+    ElementTree.indent(scene)
+    path.write_text(ElementTree.tostring(scene, encoding="unicode") + "\n", encoding="utf-8")
 
 
 def _options(spec: mujoco.MjSpec, up: Floats | None) -> None:
@@ -265,15 +269,17 @@ def _bend(hand: HandModel, grasp: Keyframe, held: SceneObject, press: Press, up:
     return np.asarray(torques / STIFFNESS * np.where(wrist, 1 / WRIST, 1.0))
 
 
-def _keyframe(spec: mujoco.MjSpec, keyframe: Keyframe, bend: Floats) -> None:
+def _keyframe(keyframe: Keyframe, bend: Floats) -> dict[str, str]:
+    """Return the attributes of a keyframe, with all digits, of which MuJoCo's own writer keeps six."""
     pose = keyframe.world_from_object
-    spec.add_key(
-        name=keyframe.name,
-        qpos=[*keyframe.q, *pose[:3, 3], *_quaternion(pose)],
-        ctrl=list(keyframe.q[7:] + bend),
-        mpos=list(keyframe.q[:3]),
-        mquat=list(keyframe.q[3:7]),
-    )
+    numbers = {
+        "qpos": [*keyframe.q, *pose[:3, 3], *_quaternion(pose)],
+        "ctrl": [*(keyframe.q[7:] + bend)],
+        "mpos": [*keyframe.q[:3]],
+        "mquat": [*keyframe.q[3:7]],
+    }
+    texts = {name: " ".join(format(x, ".12g") for x in values) for name, values in numbers.items()}
+    return {"name": keyframe.name, **texts}
 
 
 def _quaternion(pose: Floats) -> Floats:

@@ -38,6 +38,20 @@ class ObjectMesh:
     surface: ClosedSurface
 
 
+class Surfaces:
+    """Closed surfaces of clouds, each made once."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, ClosedSurface | None] = {}
+
+    def of(self, cloud: Cloud) -> ClosedSurface | None:
+        """Return the surface through a cloud; None where it is too small for one."""
+        if cloud.key not in self._made:
+            made = closed_surface(cloud.points, cloud.normals, cloud.spacing, MESH_FACES)
+            self._made[cloud.key] = made
+        return self._made[cloud.key]
+
+
 class ObjectMeshes:
     """Closed surfaces of objects, each made and written once.
 
@@ -52,6 +66,7 @@ class ObjectMeshes:
     def __init__(self, folder: Path, ending: str) -> None:
         self._folder = folder / "objects"
         self._ending = ending
+        self._surfaces = Surfaces()
         self._made: dict[str, ObjectMesh | None] = {}
 
     def of(self, held: HeldObject) -> ObjectMesh | None:
@@ -62,7 +77,7 @@ class ObjectMeshes:
         return self._made[key]
 
     def _make(self, cloud: Cloud, name: str) -> ObjectMesh | None:
-        surface = closed_surface(cloud.points, cloud.normals, cloud.spacing, MESH_FACES)
+        surface = self._surfaces.of(cloud)
         if surface is None:
             return None
         self._folder.mkdir(exist_ok=True)

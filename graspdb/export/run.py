@@ -110,8 +110,8 @@ def run_export(
         journal = Journal(folder, export_key(form, asked, version, selection.rows))
     except OSError as error:
         raise ExportError(folder, f"cannot be written: {error.strerror}", "Name another folder.") from error
-    writer = kind(folder, options, database)
     try:
+        writer = kind(folder, options, database)
         _write(writer, engine, selection, journal, progress)
         features = writer.features()
     except GraspDBError:
