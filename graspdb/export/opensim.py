@@ -57,8 +57,10 @@ def write_trc(path: Path, labels: Sequence[str], positions: Floats, times: Float
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines("\t".join(line) + "\n" for line in lines)
         for number, (time, row) in enumerate(zip(times, positions.reshape(n_frames, -1), strict=True), 1):
-            cells = ("" if np.isnan(x) else format(x, DIGITS) for x in MILLIMETRES * row)
-            file.write("\t".join([str(number), format(time, DIGITS), *cells]) + "\n")
+            cells = ["" if np.isnan(x) else format(x, DIGITS) for x in MILLIMETRES * row]
+            # OpenSim does not count a blank cell at the end of a line, unless a tab stands behind it.
+            end = "\t\n" if cells and not cells[-1] else "\n"
+            file.write("\t".join([str(number), format(time, DIGITS), *cells]) + end)
 
 
 def write_mot(path: Path, name: str, columns: Sequence[str], values: Floats, times: Floats) -> None:
