@@ -1,6 +1,6 @@
 """Export a database in every format of files, read all of it back with the formats' libraries, and compare.
 
-Usage: python check_files.py DB SCRATCH. Prints, for each format, what was read and how far its numbers are off.
+Usage: python check_files.py DB SCRATCH. Prints what was read and how far its numbers are off.
 """
 
 import sys
@@ -67,7 +67,7 @@ def check_grasps(sites: dict[str, np.ndarray], folder: Path) -> dict[str, tuple[
 
 
 def check_scenes(sites: dict[str, np.ndarray], folder: Path) -> str:
-    """Load and step every scene; return how far the hand's sites are from the grasp's, and how fast all moves."""
+    """Load and step every scene; return how far its sites are off and how fast all moves."""
     distances, speeds = [], []
     for key, wanted in sites.items():
         path = Path(str(path_of(folder / "mjcf", "", key)) + ".xml")
@@ -84,7 +84,7 @@ def check_scenes(sites: dict[str, np.ndarray], folder: Path) -> str:
         assert not data.warning.number.any(), path
         speeds.append(np.abs(data.qvel).max())
     return (
-        f"mjcf: {len(distances)} of {len(sites)} grasps, sites off by {np.median(distances):.2g} mm (median), "
+        f"mjcf: {len(distances)} of {len(sites)} grasps, sites {np.median(distances):.2g} mm off (median), "
         f"{max(distances):.2g} mm (most); after {STEPS} steps no warning, fastest {max(speeds):.1f} rad/s"
     )
 

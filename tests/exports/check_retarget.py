@@ -1,6 +1,6 @@
 """Retarget a database's hands to the Allegro hand with dex-retargeting, and see where its fingertips come.
 
-Usage: python check_retarget.py DB SCRATCH; needs graspdb[retarget] and example-robot-data, which has the hand.
+Usage: python check_retarget.py DB SCRATCH; needs graspdb[retarget] and example-robot-data (the hand).
 Prints joints, frames a second, and distances of the robot's fingertips to the person's.
 """
 
