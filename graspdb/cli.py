@@ -10,6 +10,7 @@ import typer
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
 from graspdb.commands.export import export
+from graspdb.commands.figure import figure
 from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
@@ -44,6 +45,7 @@ app.command()(sql)
 app.command()(query)
 app.command()(similar)
 app.command()(view)
+app.add_typer(figure)
 app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)

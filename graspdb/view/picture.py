@@ -20,6 +20,9 @@ SAMPLES: Final = 2
 """Rays across a pixel, and down it."""
 
 HAND_OPACITY: Final = 0.5
+COVERED: Final = 0.35
+"""What a feature or a touching sphere is worth seeing behind the hand, over its worth in plain sight."""
+
 HULL_OPACITY: Final = 0.16
 OUTLINE_STEP: Final = 0.006
 """A step in depth that is drawn as an outline [m]."""
@@ -88,6 +91,17 @@ def picture(
     return _reduced(image)
 
 
+def surface_picture(scene: Scene, colours: Floats, camera: Camera, width: int, height: int) -> Pixels:
+    """Return a picture of the object alone with a colour for each of its points, shape (n, 3)."""
+    rays = camera.rays(SAMPLES * width, SAMPLES * height).astype(np.float32)
+    surface = scene.surface
+    shape = Triangles(surface.points, surface.normals, colours, surface.faces)
+    colour, depth = _layer(shape, rays, _light(camera))
+    image = np.concatenate([colour, np.isfinite(depth)[..., None]], axis=-1, dtype=np.float32)
+    _outline(image, depth, 0.55)
+    return _reduced(image)
+
+
 def best_camera(scene: Scene) -> Camera:
     """Return the camera that sees most of the touching spheres and of the feature past the hand."""
     parts = _solid(scene, Shown(contacts=False))
@@ -101,8 +115,8 @@ def best_camera(scene: Scene) -> Camera:
         faces = hit["primitive_ids"].numpy()
         seen = np.isfinite(hit["t_hit"].numpy())
         covered = over["t_hit"].numpy() < hit["t_hit"].numpy()
-        values = np.where(seen, wanted[np.where(seen, faces, 0)], 0.0) * np.where(covered, 0.6, 1.0)
-        value = float(values.sum()) + 0.15 * float(covered.sum())
+        values = np.where(seen, wanted[np.where(seen, faces, 0)], 0.0) * np.where(covered, COVERED, 1.0)
+        value = float(values.sum()) + 0.1 * float(np.isfinite(over["t_hit"].numpy()).sum())
         if value > most:
             best, most = camera, value
     return best
