@@ -46,7 +46,7 @@ app.command()(query)
 app.command()(similar)
 app.command()(view)
 app.add_typer(figure)
-app.add_typer(export)
+app.command()(export)
 app.command()(hand)
 app.add_typer(validate)
 
