@@ -224,17 +224,17 @@ def _layer(triangles: Triangles, rays: NDArray[np.float32], light: Floats) -> tu
     corners = triangles.faces[hit["primitive_ids"].numpy()[met]]
     u, v = hit["primitive_uvs"].numpy()[met].T
     weights = np.stack([1 - u - v, u, v], axis=-1)
-    normals = np.einsum("nk,nki->ni", weights, triangles.normals[corners])
+    normals = np.einsum("nk,nki->ni", weights, triangles.normals.astype(np.float32)[corners])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     toward = -rays[met, 3:]
     # Surfaces are seen from either side: a thin wall's inner side faces away.
     normals = np.where(np.sum(normals * toward, axis=1, keepdims=True) < 0, -normals, normals)
-    base = np.einsum("nk,nki->ni", weights, triangles.colours[corners])
-    colour[met] = _shaded(base, normals, toward, light)
+    base = np.einsum("nk,nki->ni", weights, triangles.colours.astype(np.float32)[corners])
+    colour[met] = _shaded(base, normals, toward, light.astype(np.float32))
     return colour, depth
 
 
-def _shaded(base: Image, normals: Image, toward: Image, light: Floats) -> Image:
+def _shaded(base: Image, normals: Image, toward: Image, light: Image) -> Image:
     """Shade by a soft light, a faint one from the other side, and a small highlight."""
     facing = np.sum(normals * light, axis=1, keepdims=True)
     half = light + toward
