@@ -100,8 +100,8 @@ def run_export(
     kind = writer_of(form)
     _check(kind.format, options)
     selection = select(engine, options, kind.format.items)
-    if "fps" in kind.format.options and options.fps is None:
-        options = replace(options, fps=_common_rate(selection))
+    if "fps" in kind.format.options:
+        options = with_rate(options, selection)
     import graspdb
 
     version = graspdb.__version__
@@ -189,10 +189,12 @@ def _refuse_nothing(journal: Journal) -> None:
             )
 
 
-def _common_rate(selection: Selection) -> int:
-    """Return the lowest rate of what was selected, as a whole number."""
+def with_rate(options: ExportOptions, selection: Selection) -> ExportOptions:
+    """Return options with a rate: that asked for, or the lowest of what was selected, as a whole number."""
+    if options.fps is not None:
+        return options
     lowest = pc.min(selection.rows["rate"]).as_py()
-    return DEFAULT_FPS if lowest is None else max(1, round(lowest))
+    return replace(options, fps=DEFAULT_FPS if lowest is None else max(1, round(lowest)))
 
 
 def _version_of(database: "Database") -> int:
