@@ -147,7 +147,7 @@ def _solid(scene: Scene, shown: Shown) -> list[Triangles]:
 def _weighted(scene: Scene, parts: list[Triangles]) -> list[tuple[Triangles, float | Floats]]:
     """Return how much each triangle of the solid parts is worth seeing."""
     feature = np.zeros(len(scene.surface.points))
-    feature[scene.grasp.feature_points] = 1.0
+    feature[scene.feature] = 1.0
     faces = feature[scene.surface.faces].mean(axis=1) if len(scene.surface.faces) else np.empty(0)
     return [(parts[0], faces), *((part, 2.0) for part in parts[1:])]
 
@@ -160,7 +160,7 @@ def object_colours(scene: Scene, shown: Shown = EVERYTHING) -> Floats:
         near = palette.nearness(scene.contact_map.gaps)
         colours[scene.contact_map.points] = palette.scale_colours(near)
     elif shown.feature:
-        colours[scene.grasp.feature_points] = palette.rgb(palette.FEATURE)
+        colours[scene.feature] = palette.rgb(palette.FEATURE)
     return colours
 
 

@@ -184,6 +184,9 @@ def test_two_grasps_stand_side_by_side_laid_over_each_other(open_page: Open, pag
         assert share(half, palette.TOUCHING) > 0.001
     names = page.locator(".captions strong").all_inner_texts()
     assert names == [held_can.LIFTED, held_can.NAMED]
+    # They are one grasp of one can, under two names.
+    assert "Cost 0.00; 0 is the same grasp." in page.locator("aside").inner_text()
+    assert page.locator(".cost").count() == 5
 
 
 def test_keys_turn_the_view_and_reset_it(open_page: Open, pages: dict[str, Path]) -> None:

@@ -90,7 +90,7 @@ def _log_surface(recording: "RecordingStream", scenes: list[Scene]) -> None:
     surface = scenes[0].surface
     colours = np.tile(_bytes(palette.OBJECT), (len(surface.points), 1))
     for scene in scenes:
-        colours[scene.grasp.feature_points] = _bytes(palette.FEATURE)
+        colours[scene.feature] = _bytes(palette.FEATURE)
     mesh = rerun.Mesh3D(
         vertex_positions=surface.points,
         triangle_indices=surface.faces,
