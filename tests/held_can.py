@@ -67,7 +67,9 @@ class Held:
     @cached_property
     def histograms(self) -> np.ndarray:
         """The points' FPFH, shape (n, 33)."""
-        return point_histograms(ObjectCloud(self.points, self.normals, self.areas, SPACING), CloudParameters())
+        return point_histograms(
+            ObjectCloud(self.points, self.normals, self.areas, SPACING), CloudParameters()
+        )
 
     @property
     def sites(self) -> np.ndarray:

@@ -3,15 +3,20 @@
 import os
 import sys
 from pathlib import Path
+from typing import Any, Final
 
 import nbformat
 from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[1]
-NOTEBOOK = ROOT / "docs" / "tutorial.ipynb"
+NOTEBOOK: Final = ROOT / "docs" / "tutorial.ipynb"
+
+# Its functions have no types.
+_read: Any = nbformat.read
+_write: Any = nbformat.write
 
 
-def run(database: Path, folder: Path) -> nbformat.NotebookNode:
+def run(database: Path, folder: Path) -> Any:
     """Return the tutorial as it comes out on a database.
 
     Parameters
@@ -21,14 +26,19 @@ def run(database: Path, folder: Path) -> nbformat.NotebookNode:
     folder : Path
         Where it runs, and where its files go.
 
+    Returns
+    -------
+    nbformat.NotebookNode
+        The notebook with its outputs.
+
     Raises
     ------
     nbclient.exceptions.CellExecutionError
         A cell failed.
     """
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
-    os.environ["GRASPDB"] = str(database.resolve())
-    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}}).execute()
+    notebook = _read(NOTEBOOK, as_version=4)
+    client = NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}})
+    client.execute(env={**os.environ, "GRASPDB": str(database.resolve())})
     for cell in notebook.cells:
         # When each cell ran says nothing about it, and changes every time.
         cell.metadata.pop("execution", None)
@@ -43,7 +53,7 @@ def main() -> None:
 
     with TemporaryDirectory() as folder:
         notebook = run(Path(sys.argv[1]), Path(folder))
-    nbformat.write(notebook, NOTEBOOK)
+    _write(notebook, NOTEBOOK)
 
 
 if __name__ == "__main__":

@@ -197,7 +197,8 @@ def test_keys_turn_the_view_and_reset_it(open_page: Open, pages: dict[str, Path]
         page.keyboard.press(key)
     assert (picture(page) != before).mean() > 0.05
     page.keyboard.press("r")
-    assert (picture(page) == before).mean() > 0.99
+    # The same but for rounding of the camera's place.
+    assert np.abs(picture(page) - before).mean() < 0.5
 
 
 def test_everything_that_acts_has_a_name_and_is_reached_by_tab(
