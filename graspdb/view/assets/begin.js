@@ -6,7 +6,7 @@ function begin() {
   } catch (error) {
     $('fallback').hidden = false;
     $('picture').hidden = true;
-    return;
+    return null;
   }
   const timeline = new Timeline(shown);
   shown.tell();
@@ -40,6 +40,7 @@ function begin() {
   });
   shown.render();
   document.body.dataset.ready = String(Math.round(performance.now()));
+  return shown;
 }
 
-begin();
+const shownPage = begin();
