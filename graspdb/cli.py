@@ -10,6 +10,7 @@ import typer
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
 from graspdb.commands.export import export
+from graspdb.commands.figure import figure
 from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
@@ -20,6 +21,7 @@ from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb.commands.validate import validate
+from graspdb.commands.view import view
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -42,6 +44,8 @@ app.command()(schema)
 app.command()(sql)
 app.command()(query)
 app.command()(similar)
+app.command()(view)
+app.add_typer(figure)
 app.command()(export)
 app.command()(hand)
 app.add_typer(validate)

@@ -1,7 +1,7 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -157,7 +157,7 @@ class Database:
         QueryError
             There is no such grasp; the message names those with names like it.
         """
-        return read_grasp(self._engine, key)
+        return replace(read_grasp(self._engine, key), database=self)
 
     def export(
         self,
