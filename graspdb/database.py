@@ -1,7 +1,8 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -99,6 +100,24 @@ class Database:
             self._engine.close()
             del self._engine
             self.__dict__.pop("_search", None)
+
+    def session(self, name: str) -> "Database":
+        """Return this state of the database with the rows of one session alone, as a database of its own.
+
+        Raises
+        ------
+        QueryError
+            There is no such session; the message names those there are.
+        """
+        from graspdb.kept_trials import keep_session
+
+        part = copy(self)
+        for cached in ("_engine", "_search"):
+            part.__dict__.pop(cached, None)
+        part.snapshot = replace(
+            self.snapshot, sources=keep_session(self._engine, self.snapshot.sources, name)
+        )
+        return part
 
     @property
     def tables(self) -> tuple[str, ...]:

@@ -1,0 +1,4 @@
+"""A session on one page: what was recorded, how good it is, what happened, where objects were touched."""
+
+from graspdb.report.contents import SessionReport, read_report
+
