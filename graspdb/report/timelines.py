@@ -111,7 +111,7 @@ _TRIALS: Final = """
 _CURVES: Final = """
     WITH verticals AS (
         SELECT trial, any_value(n_frames) AS n_frames, any_value(s.up) AS up
-        FROM trials t LEFT JOIN sessions s ON list_contains(t.context, s.ingest_id) OR s.session = t.session
+        FROM trials LEFT JOIN sessions s USING (session)
         GROUP BY trial
     ),
     samples AS (

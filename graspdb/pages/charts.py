@@ -1,0 +1,305 @@
+"""Charts as vector graphics: where everything stands, in pixels; ``templates/chart.svg`` writes it down.
+
+A chart has no colours of its own, only names of classes, which the page's style gives colours for light,
+dark and paper. It needs no script, and its texts are escaped as all others of a page.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final, Literal
+
+import numpy as np
+
+N_SERIES: Final = 8
+"""Series that the style tells apart by colour; dots also differ by shape."""
+
+_FEW: Final = 5
+"""About as many ticks as an axis has."""
+
+_LETTER: Final = 6.2
+"""Width of a letter, about [pixel]."""
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 10, 36
+"""Margins about the field of a chart [pixel]."""
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A mark on an axis: where [pixel], and what it says."""
+
+    at: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Numbers, or names, along an axis.
+
+    Attributes
+    ----------
+    low, high : float
+        Values at both ends.
+    start, end : float
+        Where these are [pixel].
+    ticks : tuple of Tick
+        What is written along the axis.
+    """
+
+    low: float
+    high: float
+    start: float
+    end: float
+    ticks: tuple[Tick, ...]
+
+    def __call__(self, value: float) -> float:
+        """Return where a value is [pixel]."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(self.start + share * (self.end - self.start), 1)
+
+
+def numbers(values: Sequence[float], start: float, end: float, *, zero: bool = False) -> Scale:
+    """Return a scale that has all of some values on it, from one round number to another.
+
+    Parameters
+    ----------
+    values : sequence of float
+        What is to be shown; those that are not finite do not count.
+    start, end : float
+        Its ends [pixel].
+    zero : bool
+        Whether it has zero on it, too.
+    """
+    finite = np.asarray([value for value in values if value is not None], dtype=float)
+    finite = finite[np.isfinite(finite)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    if zero:
+        low, high = min(low, 0.0), max(high, 0.0)
+    if high <= low:
+        reach = abs(low) or 1.0
+        low, high = (0.0, reach) if zero and low >= 0 else (low - 0.5 * reach, high + 0.5 * reach)
+    step = _round_step((high - low) / _FEW)
+    first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
+    decimals = max(0, int(np.ceil(-np.log10(step) - 1e-9)))
+    bare = Scale(float(first * step), float(last * step), start, end, ())
+    ticks = [Tick(bare(value), _number(value, decimals)) for value in step * np.arange(first, last + 1)]
+    return Scale(bare.low, bare.high, start, end, tuple(ticks))
+
+
+def names(labels: Sequence[str], start: float, end: float) -> Scale:
+    """Return a scale of names, one a whole number from 0, each in the middle of its part."""
+    bare = Scale(-0.5, max(len(labels), 1) - 0.5, start, end, ())
+    return Scale(bare.low, bare.high, start, end, tuple(Tick(bare(i), label) for i, label in enumerate(labels)))
+
+
+def _round_step(least: float) -> float:
+    """Return the least of 1, 2 and 5 times a power of ten that is not below a number."""
+    power = 10.0 ** np.floor(np.log10(least))
+    return float(next(factor * power for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9)))
+
+
+def _number(value: float, decimals: int) -> str:
+    if abs(value) >= 1e6 or decimals > 6:
+        return f"{value:.3g}"
+    return f"{value + 0.0:.{decimals}f}"
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Something drawn in a chart.
+
+    Attributes
+    ----------
+    kind : {'line', 'dot', 'bar', 'rule'}
+        A line through points; a dot; a rectangle from a corner, with a size; a straight line.
+    points : tuple of (float, float)
+        Points [pixel]; of a bar its corner and its size.
+    css : str
+        Classes of the style.
+    title : str
+        What is said when one points at it.
+    shape : int
+        Of a dot: which of the shapes.
+    opacity : float
+        0 to 1.
+    """
+
+    kind: Literal["line", "dot", "bar", "rule"]
+    points: tuple[tuple[float, float], ...]
+    css: str
+    title: str = ""
+    shape: int = 0
+    opacity: float = 1.0
+
+    @property
+    def path(self) -> str:
+        """The points as SVG writes them."""
+        return " ".join(f"{x:g},{y:g}" for x, y in self.points)
+
+
+@dataclass(frozen=True)
+class Key:
+    """An entry of the legend: the series' class, its shape and its name."""
+
+    css: str
+    shape: int
+    label: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart, ready to be written down.
+
+    Attributes
+    ----------
+    title : str
+        What it shows, for who cannot see it.
+    width, height : float
+        [pixel]
+    x, y : Scale
+        Its axes.
+    x_title, y_title : str
+        What they are, with units.
+    marks : tuple of Mark
+        What is drawn, in this order.
+    legend : tuple of Key
+        Names of the series.
+    slanted : bool
+        Whether the names along x are too long to stand upright.
+    """
+
+    title: str
+    width: float
+    height: float
+    x: Scale
+    y: Scale
+    x_title: str = ""
+    y_title: str = ""
+    marks: tuple[Mark, ...] = ()
+    legend: tuple[Key, ...] = field(default=())
+    slanted: bool = False
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points of one kind: name, x, y, and what each point is called."""
+
+    name: str
+    x: Sequence[float | None]
+    y: Sequence[float | None]
+    titles: Sequence[str] = ()
+
+
+def series_css(i: int) -> str:
+    """Return the class of the i-th series."""
+    return f"s{i % N_SERIES}"
+
+
+def _legend(series: Sequence[Series]) -> tuple[Key, ...]:
+    return tuple(Key(series_css(i), i, one.name) for i, one in enumerate(series)) if len(series) > 1 else ()
+
+
+def scatter(
+    title: str,
+    series: Sequence[Series],
+    x_title: str,
+    y_title: str,
+    *,
+    joined: bool = False,
+    size: tuple[float, float] = (520, 320),
+) -> Chart:
+    """Return points, by series, in a plane; joined by lines on request."""
+    width, height = size
+    x = numbers([v for one in series for v in one.x if v is not None], _LEFT, width - _RIGHT)
+    y = numbers([v for one in series for v in one.y if v is not None], height - _BOTTOM, _TOP)
+    marks: list[Mark] = []
+    for i, one in enumerate(series):
+        places = [
+            (k, (x(a), y(b)))
+            for k, (a, b) in enumerate(zip(one.x, one.y, strict=True))
+            if a is not None and b is not None and np.isfinite([a, b]).all()
+        ]
+        if joined and places:
+            marks.append(Mark("line", tuple(place for _, place in places), series_css(i), one.name))
+            continue
+        marks += [
+            Mark("dot", (place,), series_css(i), one.titles[k] if one.titles else one.name, i)
+            for k, place in places
+        ]
+    return Chart(title, width, height, x, y, x_title, y_title, tuple(marks), _legend(series))
+
+
+def columns(
+    title: str,
+    labels: Sequence[str],
+    values: Sequence[float | None],
+    y_title: str,
+    *,
+    x_title: str = "",
+    width: float = 520,
+) -> Chart:
+    """Return a bar for each name."""
+    longest = max((len(label) for label in labels), default=0)
+    slanted = longest * _LETTER * max(len(labels), 1) > width - _LEFT - _RIGHT
+    below = _BOTTOM + (0.62 * _LETTER * min(longest, 28) if slanted else 0)
+    height = 230 + below
+    x, y = names(labels, _LEFT, width - _RIGHT), numbers(list(_known(values)), height - below, _TOP, zero=True)
+    broad = 0.72 * (x(1) - x(0))
+    marks = [
+        Mark("bar", ((x(i) - broad / 2, min(y(v), y(0))), (broad, abs(y(v) - y(0)))), "s0", f"{label}: {v:.4g}")
+        for i, (label, v) in enumerate(zip(labels, values, strict=True))
+        if v is not None and np.isfinite(v)
+    ]
+    return Chart(title, width, height, x, y, x_title, y_title, tuple(marks), slanted=slanted)
+
+
+def spreads(
+    title: str,
+    rows: Sequence[tuple[str, Sequence[float]]],
+    x_title: str,
+    *,
+    width: float = 520,
+) -> Chart:
+    """Return, for each name, least and greatest value as a line, the quartiles as a bar, the median as a dot."""
+    left = _LETTER * max((len(name) for name, _ in rows), default=0) + 16
+    height = 15 * len(rows) + _TOP + _BOTTOM
+    x = numbers([v for _, values in rows for v in values], left, width - _RIGHT, zero=True)
+    y = names([name for name, _ in rows], _TOP, height - _BOTTOM)
+    marks: list[Mark] = []
+    for i, (name, (least, lower, median, upper, greatest)) in enumerate(rows):
+        said = f"{name}: median {median:.3g}, quartiles {lower:.3g} to {upper:.3g}, {least:.3g} to {greatest:.3g}"
+        marks.append(Mark("rule", ((x(least), y(i)), (x(greatest), y(i))), "whisker", said))
+        marks.append(Mark("bar", ((x(lower), y(i) - 4), (max(x(upper) - x(lower), 1), 8)), "s0 soft", said))
+        marks.append(Mark("dot", ((x(median), y(i)),), "s0 small", said))
+    return Chart(title, width, height, x, y, x_title, "", tuple(marks))
+
+
+def shades(
+    title: str,
+    rows: Sequence[tuple[str, Sequence[float | None]]],
+    greatest: float,
+    x_title: str,
+    *,
+    width: float = 720,
+) -> Chart:
+    """Return a row of shades for each name: the darker, the nearer a value is to the greatest shown."""
+    left = _LETTER * max((len(name) for name, _ in rows), default=0) + 16
+    line = 9 if len(rows) > 60 else 13
+    height = line * len(rows) + _TOP + _BOTTOM
+    n = max((len(values) for _, values in rows), default=1)
+    x, y = Scale(0, n, left, width - _RIGHT, ()), names([name for name, _ in rows], _TOP, height - _BOTTOM)
+    ticks = tuple(Tick(x(share * n), f"{100 * share:.0f} %") for share in (0, 0.25, 0.5, 0.75, 1))
+    marks: list[Mark] = []
+    for i, (name, values) in enumerate(rows):
+        levels = [None if v is None or v <= 0 else max(1, min(5, round(5 * v / greatest))) for v in values]
+        edges = [0, *(k for k in range(1, len(levels)) if levels[k] != levels[k - 1]), len(levels)]
+        for begin, end in pairwise(edges):
+            if begin < end and (level := levels[begin]) is not None:
+                share = float(np.mean([v for v in values[begin:end] if v is not None]))
+                corner, size = (x(begin), y(i) - line / 2 + 0.5), (x(end) - x(begin), line - 1)
+                marks.append(Mark("bar", (corner, size), "shade", f"{name}: {share:.0%}", opacity=level / 5))
+    return Chart(title, width, height, Scale(0, n, x.start, x.end, ticks), y, x_title, "", tuple(marks))
+
+
+def _known(values: Sequence[float | None]) -> list[float]:
+    return [value for value in values if value is not None]
