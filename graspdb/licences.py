@@ -41,5 +41,9 @@ def without_licences(
     rows = engine.sql("SELECT ingest_id, context, licence FROM trials", {}).rows()
     return keep_trials(
         sources,
-        [(ingest_id, context) for ingest_id, context, note in rows if note is None or not refused(note, texts)],
+        [
+            (ingest_id, context)
+            for ingest_id, context, note in rows
+            if note is None or not refused(note, texts)
+        ],
     )

@@ -89,7 +89,9 @@ def numbers(values: Sequence[float], start: float, end: float, *, zero: bool = F
 def names(labels: Sequence[str], start: float, end: float) -> Scale:
     """Return a scale of names, one a whole number from 0, each in the middle of its part."""
     bare = Scale(-0.5, max(len(labels), 1) - 0.5, start, end, ())
-    return Scale(bare.low, bare.high, start, end, tuple(Tick(bare(i), label) for i, label in enumerate(labels)))
+    return Scale(
+        bare.low, bare.high, start, end, tuple(Tick(bare(i), label) for i, label in enumerate(labels))
+    )
 
 
 def _round_step(least: float) -> float:
@@ -243,10 +245,15 @@ def columns(
     slanted = longest * _LETTER * max(len(labels), 1) > width - _LEFT - _RIGHT
     below = _BOTTOM + (0.62 * _LETTER * min(longest, 28) if slanted else 0)
     height = 230 + below
-    x, y = names(labels, _LEFT, width - _RIGHT), numbers(list(_known(values)), height - below, _TOP, zero=True)
+    x, y = (
+        names(labels, _LEFT, width - _RIGHT),
+        numbers(list(_known(values)), height - below, _TOP, zero=True),
+    )
     broad = 0.72 * (x(1) - x(0))
     marks = [
-        Mark("bar", ((x(i) - broad / 2, min(y(v), y(0))), (broad, abs(y(v) - y(0)))), "s0", f"{label}: {v:.4g}")
+        Mark(
+            "bar", ((x(i) - broad / 2, min(y(v), y(0))), (broad, abs(y(v) - y(0)))), "s0", f"{label}: {v:.4g}"
+        )
         for i, (label, v) in enumerate(zip(labels, values, strict=True))
         if v is not None and np.isfinite(v)
     ]

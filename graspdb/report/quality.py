@@ -119,9 +119,7 @@ def _trials(database: Database) -> tuple[TrialQuality, ...]:
         unused.setdefault(trial, [None] * BINS)[part] = share
     rows: list[dict[str, Any]] = database.sql(_TRIALS).table.to_pylist()
     return tuple(
-        TrialQuality(
-            **{**row, "reasons": tuple(row["reasons"])}, unused=tuple(unused.get(row["trial"], ()))
-        )
+        TrialQuality(**{**row, "reasons": tuple(row["reasons"])}, unused=tuple(unused.get(row["trial"], ())))
         for row in rows
     )
 

@@ -11,33 +11,40 @@ from scipy.spatial import ConvexHull, QhullError
 
 from graspdb.thumbnails.raster import NOTHING, Raster
 from graspdb.thumbnails.shapes import GraspShape
+from graspdb.view.palette import FEATURE, HAND, HULL, OBJECT, TOUCHING, rgb, scale_colours
 from graspdb_schemas.vocabulary import SITES
 
 Floats = NDArray[np.float64]
 
+_DARKER_HAND: Final = "#cf9f78"
+"""Spheres that do not touch, set off against the segments."""
+
 _OBJECT, _FEATURE, _HAND, _SPHERE, _TOUCHING = range(1, 6)
 
-_COLOURS: Final = np.array(
-    [
-        (0, 0, 0),
-        (158, 173, 190),
-        (0, 158, 115),
-        (236, 203, 170),
-        (222, 178, 140),
-        (213, 66, 20),
-    ],
-    dtype=float,
+_COLOURS: Final = 255 * np.array(
+    [(0, 0, 0), *(rgb(colour) for colour in (OBJECT, FEATURE, HAND, _DARKER_HAND, TOUCHING))]
 )
-"""Colour of each material, told apart by colour-blind readers: by lightness as well as by hue."""
+"""Colour of each material, told apart without red-green vision: by lightness as well as by hue."""
 
-_HULL: Final = np.array((95, 95, 105), dtype=float)
-_HULL_OPACITY: Final = 0.30
+_HULL: Final = 255 * rgb(HULL)
+_HULL_OPACITY: Final = 0.32
 _LIGHT: Final = np.array((-0.45, 0.6, 0.66))
 _FINER: Final = 2
 """Pixels drawn, along a side, for each of the picture: smooth edges."""
 
-_TILT: Final = np.radians((-32.0, 24.0))
-"""How far the hand is turned from its radial view: about its dorsal axis, then about the horizontal."""
+
+def _tipped(about_up: float, forward: float) -> Floats:
+    """Return what turns axes of a picture about its vertical, then tips it forward [degree]."""
+    (c, d), (s, t) = (f(np.radians((about_up, forward))) for f in (np.cos, np.sin))
+    turned = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+    return np.asarray(np.array([[1, 0, 0], [0, d, -t], [0, t, d]]) @ turned)
+
+
+_TIPPED: Final = _tipped(-32.0, 24.0)
+"""How the hand is turned from its radial view, to be seen from a little behind and above."""
+
+_LEVELS: Final = 64
+"""Colours of a scale."""
 
 _AROUND: Final = 0.05
 """How much of the object is shown beyond the hand [m]."""
@@ -101,10 +108,37 @@ def draw(shape: GraspShape, size: int = 160) -> Picture:
     raster = Raster.empty(size * _FINER)
     _add_object(raster, shape, seen(shape.object.points), shape.object.normals @ camera.T, scale)
     _add_hand(raster, shape, seen, scale)
-    colour = _shaded(raster, _OUTLINE * scale)
+    colour = _shaded(raster, _OUTLINE * scale, _COLOURS)
     if len(shape.hull):
         _cover(colour, raster.depth, seen(shape.hull))
     return Picture(_reduced(colour))
+
+
+def draw_shaded(points: Floats, normals: Floats, shares: Floats, turn: float, size: int = 220) -> Picture:
+    """Draw the surface of an object in the colours of a scale.
+
+    Parameters
+    ----------
+    points, normals : ndarray, shape (n, 3)
+        Its cloud [m], object frame; z is up in the picture.
+    shares : ndarray, shape (n,)
+        Where on the scale each point is, from 0 to 1.
+    turn : float
+        How far it is turned about z [rad].
+    size : int
+        Pixels along a side.
+    """
+    c, s = np.cos(turn), np.sin(turn)
+    camera = _TIPPED @ _UNKNOWN_HAND @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    seen = points @ camera.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    scale = _FILLED * size * _FINER / max(float((high - low)[:2].max()), 1e-3)
+    placed = (seen - 0.5 * (low + high)) * scale + [0.5 * size * _FINER, 0.5 * size * _FINER, 0.0]
+    levels = scale_colours(np.linspace(0, 1, _LEVELS))
+    material = 1 + np.round((_LEVELS - 1) * np.clip(shares, 0, 1)).astype(np.int64)
+    raster = Raster.empty(size * _FINER)
+    raster.add_discs(placed, normals @ camera.T, max(_SPACING * scale, 0.75), material)
+    return Picture(_reduced(_shaded(raster, _OUTLINE * scale, 255 * np.vstack([np.zeros(3), levels]))))
 
 
 def _camera(shape: GraspShape) -> Floats:
@@ -118,10 +152,7 @@ def _camera(shape: GraspShape) -> Floats:
     base = np.stack([np.cross(dorsal, eye), dorsal, eye])
     length = np.linalg.norm(base, axis=1, keepdims=True)
     base = base / length if np.isfinite(length).all() and length.all() else _UNKNOWN_HAND
-    (c, d), (s, t) = np.cos(_TILT), np.sin(_TILT)
-    about_up = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-    about_right = np.array([[1, 0, 0], [0, d, -t], [0, t, d]])
-    return np.asarray(about_right @ about_up @ base)
+    return np.asarray(_TIPPED @ base)
 
 
 def _frame(shape: GraspShape, camera: Floats, size: int) -> tuple[float, Floats]:
@@ -164,12 +195,12 @@ def _add_hand(raster: Raster, shape: GraspShape, seen: Callable[[Floats], Floats
         raster.add_sphere(seen(shape.sites[i]), scale * float(shape.radii[i]), material)
 
 
-def _shaded(raster: Raster, outline: float) -> Floats:
+def _shaded(raster: Raster, outline: float, colours: Floats) -> Floats:
     """Return colours, shape (size, size, 4), 0 to 255, with a dark line where depth steps by `outline`."""
     light = _LIGHT / np.linalg.norm(_LIGHT)
     brightness = 0.62 + 0.42 * np.maximum(raster.normal @ light, 0.0)
     there = raster.material != NOTHING
-    colour = _COLOURS[raster.material] * brightness[..., None]
+    colour = colours[raster.material] * brightness[..., None]
     depth = np.where(there, raster.depth, -1e6)
     step = np.zeros(depth.shape, bool)
     for axis in (0, 1):
