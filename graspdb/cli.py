@@ -9,12 +9,14 @@ import typer
 
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
+from graspdb.commands.explore import explore
 from graspdb.commands.export import export
 from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
+from graspdb.commands.report import report
 from graspdb.commands.schema import schema
 from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
@@ -42,6 +44,8 @@ app.command()(schema)
 app.command()(sql)
 app.command()(query)
 app.command()(similar)
+app.command()(report)
+app.command()(explore)
 app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)

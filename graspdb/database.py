@@ -171,6 +171,18 @@ class Database:
         """
         return named_query(name).run(self._engine, parameters)
 
+    def check_filter(self, where: str) -> None:
+        """Check that a text is one boolean SQL expression over the columns of `grasps`.
+
+        Raises
+        ------
+        QueryError
+            It is not.
+        """
+        from graspdb_queries.similar.where import check_filter
+
+        check_filter(self._engine, where)
+
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.
 

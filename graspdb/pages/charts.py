@@ -20,7 +20,7 @@ _FEW: Final = 5
 _LETTER: Final = 6.2
 """Width of a letter, about [pixel]."""
 
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 10, 36
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 22, 10, 36
 """Margins about the field of a chart [pixel]."""
 
 
@@ -267,14 +267,15 @@ def spreads(
     *,
     width: float = 520,
 ) -> Chart:
-    """Return, for each name, least and greatest value as a line, the quartiles as a bar, the median as a dot."""
+    """Return for each name a line from least to greatest, a bar of the quartiles, a dot at the median."""
     left = _LETTER * max((len(name) for name, _ in rows), default=0) + 16
     height = 15 * len(rows) + _TOP + _BOTTOM
     x = numbers([v for _, values in rows for v in values], left, width - _RIGHT, zero=True)
     y = names([name for name, _ in rows], _TOP, height - _BOTTOM)
     marks: list[Mark] = []
     for i, (name, (least, lower, median, upper, greatest)) in enumerate(rows):
-        said = f"{name}: median {median:.3g}, quartiles {lower:.3g} to {upper:.3g}, {least:.3g} to {greatest:.3g}"
+        quartiles, whole = f"{lower:.3g} to {upper:.3g}", f"{least:.3g} to {greatest:.3g}"
+        said = f"{name}: median {median:.3g}, quartiles {quartiles}, {whole}"
         marks.append(Mark("rule", ((x(least), y(i)), (x(greatest), y(i))), "whisker", said))
         marks.append(Mark("bar", ((x(lower), y(i) - 4), (max(x(upper) - x(lower), 1), 8)), "s0 soft", said))
         marks.append(Mark("dot", ((x(median), y(i)),), "s0 small", said))
@@ -298,13 +299,13 @@ def shades(
     ticks = tuple(Tick(x(share * n), f"{100 * share:.0f} %") for share in (0, 0.25, 0.5, 0.75, 1))
     marks: list[Mark] = []
     for i, (name, values) in enumerate(rows):
-        levels = [None if v is None or v <= 0 else max(1, min(5, round(5 * v / greatest))) for v in values]
+        levels = [None if v is None or v <= 0 else max(1, min(8, round(8 * v / greatest))) for v in values]
         edges = [0, *(k for k in range(1, len(levels)) if levels[k] != levels[k - 1]), len(levels)]
         for begin, end in pairwise(edges):
             if begin < end and (level := levels[begin]) is not None:
                 share = float(np.mean([v for v in values[begin:end] if v is not None]))
                 corner, size = (x(begin), y(i) - line / 2 + 0.5), (x(end) - x(begin), line - 1)
-                marks.append(Mark("bar", (corner, size), "shade", f"{name}: {share:.0%}", opacity=level / 5))
+                marks.append(Mark("bar", (corner, size), "shade", f"{name}: {share:.0%}", opacity=level / 8))
     return Chart(title, width, height, Scale(0, n, x.start, x.end, ticks), y, x_title, "", tuple(marks))
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _FROM_METRES: Final = {"mm": 1e3, "cm": 1e2, "cm3": 1e6}
 """Factors from SI units to those that are read easily."""
 
-NONE: Final = "–"
+NONE: Final = "-"
 """What stands where there is no value."""
 
 
@@ -74,7 +74,7 @@ def data_url(content: bytes, kind: str) -> str:
 
 
 def script_json(value: Any) -> Any:
-    """Return JSON that may stand within ``<script>``: nothing in it can end the element, or be a line's end."""
+    """Return JSON that may stand within ``<script>``: nothing in it can end the element, or a line."""
     from markupsafe import Markup
 
     text = json.dumps(value, ensure_ascii=True, allow_nan=False)

@@ -2,7 +2,19 @@
 
 from typing import Final
 
-from graspdb.pages.charts import Chart, Mark, Scale, Series, Tick, columns, names, numbers, scatter, shades, spreads
+from graspdb.pages.charts import (
+    Chart,
+    Mark,
+    Scale,
+    Series,
+    Tick,
+    columns,
+    names,
+    numbers,
+    scatter,
+    shades,
+    spreads,
+)
 from graspdb.report.contents import Synergies
 from graspdb.report.quality import Quality, Spread
 from graspdb.report.timelines import Curve, Hold, Timeline
@@ -63,7 +75,8 @@ def _spreads(title: str, rows: tuple[Spread, ...], x_title: str) -> Chart | None
     if not rows:
         return None
     values = [
-        (row.name, [_MM * v for v in (row.least, row.lower, row.median, row.upper, row.greatest)]) for row in rows
+        (row.name, [_MM * v for v in (row.least, row.lower, row.median, row.upper, row.greatest)])
+        for row in rows
     ]
     return spreads(title, values, x_title, width=480)
 
@@ -111,9 +124,7 @@ def _timeline(line: Timeline, side: str, curve: Curve) -> Chart:
     lanes = names(DIGITS, floor + 6, bottom)
     marks = [Mark("bar", ((left, floor + 6), (_WIDTH - 8 - left, bottom - floor - 6)), "lane")]
     for css, title, values in (("s0", "grip aperture", curve.aperture), ("s5", "height", curve.height)):
-        places = tuple(
-            (x(t), y(_MM * v)) for t, v in zip(curve.times, values, strict=True) if v is not None
-        )
+        places = tuple((x(t), y(_MM * v)) for t, v in zip(curve.times, values, strict=True) if v is not None)
         marks += [Mark("line", places, css, title)] if places else []
     for touch in (touch for touch in line.touches if touch.side == side):
         corner = (x(touch.begin), lanes(DIGITS.index(touch.digit)) - 2.5)
@@ -122,7 +133,9 @@ def _timeline(line: Timeline, side: str, curve: Curve) -> Chart:
     for hold in (hold for hold in line.holds if hold.side == side):
         marks += _events(hold, x, top, bottom)
     title = f"{line.trial}, {side} hand: grip aperture, height of the object and contacts by digit"
-    return Chart(title, _WIDTH, bottom + 32, x, Scale(0, 1, bottom, top, y.ticks), "time [s]", "mm", tuple(marks))
+    return Chart(
+        title, _WIDTH, bottom + 32, x, Scale(0, 1, bottom, top, y.ticks), "time [s]", "mm", tuple(marks)
+    )
 
 
 def _events(hold: Hold, x: Scale, top: float, bottom: float) -> list[Mark]:

@@ -225,8 +225,8 @@ _COUNTS = """
 _SUBJECTS = f"""
     WITH counts AS (SELECT subject, {_COUNTS} FROM trials GROUP BY subject),
     described AS (
-        SELECT subject, first(hand) AS hand, first(hand_length) AS hand_length, first(hand_breadth) AS hand_breadth
-        FROM subjects GROUP BY subject
+        SELECT DISTINCT ON (subject) subject, hand, hand_length, hand_breadth
+        FROM subjects ORDER BY subject, ingest_id DESC
     ),
     calibrated AS (SELECT subject, max(residual) AS calibration FROM hands GROUP BY subject)
     SELECT subject, hand, hand_length, hand_breadth, calibration, n_trials, n_rejected, n_grasps

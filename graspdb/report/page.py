@@ -2,17 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from graspdb.database import Database
-from graspdb.pages.templates import data_url, render
+from graspdb.pages.templates import data_url, in_unit, render
 from graspdb.report import charts
 from graspdb.report.contents import GraspEntry, SessionReport, read_report
 from graspdb.report.density import ObjectDensity
-from graspdb.thumbnails import draw, draw_shaded, grasp_shapes
+from graspdb.report.grasp_pages import grasp_pages
+from graspdb.thumbnails import ShapeReader, draw, draw_shaded
 from graspdb.validation.contacts import PAPER
 
 _WEBP: Final = "image/webp"
@@ -30,7 +32,7 @@ class Row:
 
 
 def write_report(
-    database: Database, session: str, path: Path, links: Mapping[str, str] | None = None
+    database: Database, session: str, path: str | PathLike[str], *, pages: bool = False
 ) -> SessionReport:
     """Write the report on a session into one HTML file.
 
@@ -40,10 +42,10 @@ def write_report(
         The database.
     session : str
         The session.
-    path : Path
+    path : path
         The file.
-    links : mapping of str to str, optional
-        Where the page of a grasp is, by its key.
+    pages : bool
+        Whether to write a page of each grasp, too, and link it.
 
     Returns
     -------
@@ -59,15 +61,19 @@ def write_report(
     """
     from graspdb.output import OutputError
 
+    file = Path(path)
     report = read_report(database, session)
     with database.session(session) as part:
         keys = [grasp.grasp for grasp in report.grasps]
-        pictures = {shape.grasp: draw(shape).webp() for shape in grasp_shapes(part, keys)}
-    page = report_page(report, pictures, links or {})
+        pictures = {shape.grasp: draw(shape).webp() for shape in ShapeReader(part).shapes(keys)}
+        links = grasp_pages(part, keys, file.with_name(f"{file.stem}_grasps")) if pages else {}
+    page = report_page(report, pictures, links)
     try:
-        path.write_text(page, encoding="utf-8")
+        file.write_text(page, encoding="utf-8")
     except OSError as error:
-        raise OutputError(path, f"cannot be written: {error.strerror}", "Name another file with -o.") from error
+        raise OutputError(
+            path, f"cannot be written: {error.strerror}", "Name another file with -o."
+        ) from error
     return report
 
 
@@ -124,10 +130,10 @@ def _density_pictures(density: ObjectDensity) -> list[str]:
 
 
 def _table_1(report: SessionReport) -> dict[tuple[str, str], str]:
-    """Return the mean errors of a pair's digits [mm], by subject and pair, as the paper's Table I has them."""
+    """Return the mean errors of a pair's digits [mm], by subject and pair, as in the paper's Table I."""
     cells: dict[tuple[str, str], str] = {}
     known = {(error.subject, error.pair, error.digit): error.all_points.mean for error in report.table_1}
     for subject, pair, _ in known:
         means = [known.get((subject, pair, digit), np.nan) for digit in pair.split("+")]
-        cells[subject, pair] = " / ".join(f"{1e3 * mean:.1f}" if mean == mean else "–" for mean in means)
+        cells[subject, pair] = " / ".join(in_unit(mean, "mm") for mean in means)
     return cells

@@ -61,6 +61,11 @@ class Spread:
     upper: float
     greatest: float
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The five values, least first."""
+        return self.least, self.lower, self.median, self.upper, self.greatest
+
 
 @dataclass(frozen=True)
 class Rerecord:
@@ -156,7 +161,8 @@ _QUARTILES: Final = """
 _RESIDUALS: Final = f"""
     SELECT name, {_QUARTILES}
     FROM (
-        SELECT unnest(map_keys(residual_rms_by_marker)) AS name, unnest(map_values(residual_rms_by_marker)) AS value
+        SELECT unnest(map_keys(residual_rms_by_marker)) AS name,
+               unnest(map_values(residual_rms_by_marker)) AS value
         FROM trials
     )
     WHERE isfinite(value)

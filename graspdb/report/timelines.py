@@ -116,7 +116,8 @@ _CURVES: Final = """
     ),
     samples AS (
         SELECT trial, side, frame * $samples::BIGINT // n_frames AS part, avg(time) AS time,
-               avg(distance(site_position(sites, 'thumb_tip'), site_position(sites, 'index_tip'))) AS aperture,
+               avg(distance(site_position(sites, 'thumb_tip'), site_position(sites, 'index_tip')))
+                   AS aperture,
                avg(dot_product(object_position, up)) AS height
         FROM frames JOIN verticals USING (trial)
         WHERE n_frames > 1

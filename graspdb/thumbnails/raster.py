@@ -107,7 +107,7 @@ class Raster:
     def _window(
         self, low: Floats, high: Floats, origin: Floats
     ) -> tuple[tuple[slice, slice], Floats, Floats]:
-        """Return the pixels between two corners, and x (1, n) and y (m, 1) of their middles from an origin."""
+        """Return the pixels between corners, and x (1, n) and y (m, 1) of their middles from an origin."""
         (left, bottom), (right, top) = (
             np.clip(np.floor(c), 0, len(self.depth)).astype(int) for c in (low, high + 1)
         )

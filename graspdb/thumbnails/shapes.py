@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +18,9 @@ Floats = NDArray[np.float64]
 _RADIUS: Final = 0.008
 """Radius of a site of a hand that is not known [m]."""
 
+_OBJECTS_KEPT: Final = 16
+"""Objects whose clouds a reader keeps."""
+
 _WRIST: Final = N_SITES
 """Number of the wrist, behind those of the sites."""
 
@@ -25,9 +30,9 @@ _PALM: Final = tuple(range(0, N_SITES, N_SITES // len(DIGITS)))
 _BONES: Final = (
     *((i, i + 1) for i in range(N_SITES - 1) if DIGIT_OF_SITE[i] == DIGIT_OF_SITE[i + 1]),
     *((_WRIST, i) for i in _PALM),
-    *zip(_PALM[1:], _PALM[2:], strict=False),
+    *pairwise(_PALM[1:]),
 )
-"""What is drawn between which sites: along the digits, from the wrist to the palm's sites, across the palm."""
+"""What is drawn between which sites: along the digits, from the wrist to the palm, across the palm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +84,7 @@ class GraspShape:
     hull: Floats
 
     def bones(self) -> tuple[Floats, Floats]:
-        """Return the segments of the hand that are known: ends, shape (n, 2, 3) [m], and radii, (n, 2) [m]."""
+        """Return the known segments of the hand: ends, shape (n, 2, 3) [m], and radii, (n, 2) [m]."""
         places = np.vstack([self.sites, self.wrist])
         radii = np.append(self.radii, self.radii[list(_PALM)].mean())
         pairs = np.array(_BONES)
@@ -99,28 +104,34 @@ _SHAPES: Final = """
 """
 
 
-def grasp_shapes(database: Database, grasps: Sequence[str]) -> Iterator[GraspShape]:
-    """Yield the shapes of grasps, those on one object together, so that its cloud is read once.
+_CLOUD: Final = """
+    SELECT position, normal FROM object_points WHERE object = $object AND ingest_id = $id ORDER BY point
+"""
+
+
+class ShapeReader:
+    """Reads the shapes of grasps from one database; keeps the objects that it read last.
 
     Parameters
     ----------
     database : Database
         The database.
-    grasps : sequence of str
-        Keys; one that the database has not is left out.
     """
-    shown: tuple[tuple[str, str | None], ObjectShape] | None = None
-    for row in database.sql(_SHAPES, grasps=list(grasps)).table.to_pylist():
-        version = (row["object"], row["object_ingest_id"])
-        if shown is None or shown[0] != version:
-            shown = (version, _object(database, *version))
-        yield _shape(row, shown[1])
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._object = lru_cache(_OBJECTS_KEPT)(partial(_object, database))
+
+    def shapes(self, grasps: Sequence[str]) -> Iterator[GraspShape]:
+        """Yield the shapes of grasps, those on one object together; keys that there are not are left out."""
+        for row in self._database.sql(_SHAPES, grasps=list(grasps)).table.to_pylist():
+            yield _shape(row, self._object(row["object"], row["object_ingest_id"]))
 
 
 def _object(database: Database, name: str, ingest_id: str | None) -> ObjectShape:
     """Return the cloud of one version of an object."""
     table = database.sql(
-        "SELECT position, normal FROM object_points WHERE object = $object AND ingest_id = $id ORDER BY point",
+        _CLOUD,
         object=name,
         id=ingest_id,
     ).table
