@@ -22,6 +22,7 @@ from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb.commands.validate import validate
+from graspdb.commands.view import view
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -46,6 +47,7 @@ app.command()(query)
 app.command()(similar)
 app.command()(report)
 app.command()(explore)
+app.command()(view)
 app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)

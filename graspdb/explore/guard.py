@@ -12,6 +12,12 @@ _PAGES: Final = (
 )
 """Nothing runs or loads but what comes from here: a name in the data cannot become a script."""
 
+VIEWER: Final = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""The viewer's page carries all that it needs, as it does on disk: it can ask nobody for anything."""
+
 
 def guard(app: Flask, token: str, hosts: Collection[str]) -> None:
     """Let an application answer only requests for the right host with the right token.

@@ -11,8 +11,10 @@ from flask import Blueprint, Response, abort, request, url_for
 from graspdb.database import Database
 from graspdb.explore import grasps
 from graspdb.explore.answers import KINDS, Answer, ChartForm, chart, first_rows, suggested
+from graspdb.explore.guard import VIEWER
 from graspdb.pages.templates import render
 from graspdb.thumbnails import ShapeReader, draw
+from graspdb.view.reading import SceneReader
 from graspdb_queries.named import named_queries, named_query
 from graspdb_queries.similar.answer import Similar
 from graspdb_schemas.errors import GraspDBError, QueryError
@@ -67,6 +69,8 @@ class Pages:
         self._picture = lru_cache(_PICTURES_KEPT)(self._drawn)
         # A search keeps what it read; two at once would read it twice.
         self._searching = Lock()
+        self._scenes = SceneReader(database)
+        self._reading = Lock()
 
     def blueprint(self) -> Blueprint:
         """Return the addresses of the pages; all of them can only be read."""
@@ -74,6 +78,7 @@ class Pages:
             "": self.grasps,
             "grasp": self.grasp,
             "picture": self.picture,
+            "viewer": self.viewer,
             "queries": self.queries,
             "query": self.query,
             "sql": self.sql,
@@ -92,7 +97,7 @@ class Pages:
             page, problem = grasps.find(self._database, wanted, request.args.get("page", 1, int)), ""
         except QueryError as error:
             page, problem = grasps.Page(0, 1, 1, ()), str(error)
-        kept = {**wanted.chosen, "digit": list(wanted.digits), "where": wanted.where}
+        kept: dict[str, Any] = {**wanted.chosen, "digit": list(wanted.digits), "where": wanted.where}
         return self._render(
             "grasps.html",
             here="grasps",
@@ -124,6 +129,16 @@ class Pages:
         content = self._picture(request.args.get("key", ""), size)
         response = Response(content, content_type="image/webp")
         response.headers["Cache-Control"] = "private, max-age=3600"
+        return response
+
+    def viewer(self) -> Response:
+        """Return the viewer's page of a grasp."""
+        from graspdb.view.page import grasp_page
+
+        with self._reading:
+            scene = self._scenes.scene(request.args.get("key", ""))
+        response = Response(grasp_page(scene), content_type="text/html; charset=utf-8")
+        response.headers["Content-Security-Policy"] = VIEWER
         return response
 
     def queries(self) -> tuple[str, int]:
@@ -200,11 +215,10 @@ class Pages:
 
 def _shown(answer: Answer | None) -> dict[str, Any]:
     """Return what a page shows of an answer: its table, its chart, and the form of the chart."""
-    if answer is None:
-        return {"answer": None, "chart": None, "form": None, "kinds": KINDS}
-    arguments = request.args
-    if arguments.get("kind") in KINDS:
-        form = ChartForm(*(arguments.get(name, "") for name in ("kind", "x", "y", "by")))
-    else:
+    form = None
+    if answer is not None and request.args.get("kind") in KINDS:
+        form = ChartForm(*(request.args.get(name, "") for name in ("kind", "x", "y", "by")))
+    elif answer is not None:
         form = suggested(answer)
-    return {"answer": answer, "chart": chart(answer, form) if form else None, "form": form, "kinds": KINDS}
+    drawn = chart(answer, form) if answer is not None and form is not None else None
+    return {"answer": answer, "chart": drawn, "form": form, "kinds": KINDS}

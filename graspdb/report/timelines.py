@@ -1,6 +1,6 @@
 """What happened in a trial: grip aperture, height of the object, contacts by digit."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from graspdb.database import Database
@@ -72,9 +72,9 @@ class Timeline:
     subject: str | None
     object: str | None
     duration: float
-    curves: dict[str, Curve] = field(default_factory=dict)
-    touches: tuple[Touch, ...] = ()
-    holds: tuple[Hold, ...] = ()
+    curves: dict[str, Curve]
+    touches: tuple[Touch, ...]
+    holds: tuple[Hold, ...]
 
 
 def read_timelines(database: Database) -> tuple[Timeline, ...]:
@@ -92,12 +92,15 @@ def read_timelines(database: Database) -> tuple[Timeline, ...]:
         holds.setdefault(trial, []).append(Hold(*hold))
     return tuple(
         Timeline(
-            *row,
-            curves=curves.get(row[0], {}),
-            touches=tuple(touches.get(row[0], ())),
-            holds=tuple(holds.get(row[0], ())),
+            trial,
+            subject,
+            name,
+            duration,
+            curves.get(trial, {}),
+            tuple(touches.get(trial, ())),
+            tuple(holds.get(trial, ())),
         )
-        for row in database.sql(_TRIALS).rows()
+        for trial, subject, name, duration in database.sql(_TRIALS).rows()
     )
 
 
