@@ -17,6 +17,12 @@ N_SERIES: Final = 8
 _FEW: Final = 5
 """About as many ticks as an axis has."""
 
+_SAME: Final = 1e-9
+"""Values that differ less than this share of them are shown as one."""
+
+_NOTHING: Final = 1e-100
+"""Values below are shown as zero."""
+
 _LETTER: Final = 6.2
 """Width of a letter, about [pixel]."""
 
@@ -75,8 +81,9 @@ def numbers(values: Sequence[float], start: float, end: float, *, zero: bool = F
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if zero:
         low, high = min(low, 0.0), max(high, 0.0)
-    if high <= low:
-        reach = abs(low) or 1.0
+    greatest = max(abs(low), abs(high))
+    if high - low <= _SAME * greatest or greatest < _NOTHING:
+        reach = greatest if greatest >= _NOTHING else 1.0
         low, high = (0.0, reach) if zero and low >= 0 else (low - 0.5 * reach, high + 0.5 * reach)
     step = _round_step((high - low) / _FEW)
     first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
