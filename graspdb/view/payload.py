@@ -1,4 +1,4 @@
-"""A scene as JSON, for a page: numbers as base64 of little-endian arrays, text escaped for a script element."""
+"""A scene as JSON for a page: numbers as base64 of little-endian arrays, text escaped for scripts."""
 
 import base64
 import json
