@@ -13,7 +13,7 @@ ROWS: Final = 500
 """Rows of an answer that are shown, and that its chart is made of."""
 
 _BARS: Final = 40
-"""Bars that still can be read."""
+"""Bars, or names along an axis, that still can be read."""
 
 _CELL: Final = 200
 """Characters of a cell."""
@@ -137,18 +137,25 @@ def chart(answer: Answer, form: ChartForm) -> Chart | None:
         return columns(
             title, labels, _floats(answer.column(form.y))[:_BARS], form.y, x_title=form.x, width=760
         )
-    if not numeric[form.x]:
-        return None
     groups = (
         [text(value) for value in answer.column(form.by)] if form.by in numeric else [""] * len(answer.rows)
     )
-    x, y = _floats(answer.column(form.x)), _floats(answer.column(form.y))
+    y = _floats(answer.column(form.y))
+    labels: list[str] = []
+    if numeric[form.x]:
+        x = _floats(answer.column(form.x))
+    else:
+        along = [text(value) for value in answer.column(form.x)]
+        labels = list(dict.fromkeys(along))
+        x = [float(labels.index(label)) for label in along]
+        if len(labels) > _BARS:
+            return None
     named = _names(answer)
     series = []
     for group in list(dict.fromkeys(groups))[:N_SERIES]:
         rows = [i for i, one in enumerate(groups) if one == group]
         series.append(Series(group, [x[i] for i in rows], [y[i] for i in rows], [named[i] for i in rows]))
-    return scatter(title, series, form.x, form.y, joined=form.kind == "lines", size=(760, 380))
+    return scatter(title, series, form.x, form.y, joined=form.kind == "lines", labels=labels, size=(760, 380))
 
 
 def _floats(values: Sequence[Any]) -> list[float | None]:

@@ -112,13 +112,15 @@ class Pages:
     def grasp(self) -> tuple[str, int]:
         """Show one grasp, and those like it."""
         key = request.args.get("key", "")
-        by = request.args.get("by", "feature")
+        by = request.args.get("by", "")
         found = self._database.grasp(key)
         row = self._database.sql("SELECT * FROM grasps WHERE grasp = $key", key=key).table.to_pylist()[0]
-        try:
-            like, problem = self._similar(key, by), ""
-        except GraspDBError as error:
-            like, problem = None, str(error)
+        like, problem = None, ""
+        if by:
+            try:
+                like = self._similar(key, by)
+            except GraspDBError as error:
+                problem = str(error)
         return self._render(
             "grasp.html", here="", grasp=found, row=row, by=by, respects=RESPECTS, like=like, problem=problem
         )
@@ -215,10 +217,13 @@ class Pages:
 
 def _shown(answer: Answer | None) -> dict[str, Any]:
     """Return what a page shows of an answer: its table, its chart, and the form of the chart."""
-    form = None
-    if answer is not None and request.args.get("kind") in KINDS:
+    shown: dict[str, Any] = {"answer": answer, "chart": None, "form": None, "kinds": KINDS, "chosen": ""}
+    if answer is None:
+        return shown
+    if request.args.get("kind") in KINDS:
         form = ChartForm(*(request.args.get(name, "") for name in ("kind", "x", "y", "by")))
-    elif answer is not None:
-        form = suggested(answer)
-    drawn = chart(answer, form) if answer is not None and form is not None else None
-    return {"answer": answer, "chart": drawn, "form": form, "kinds": KINDS}
+        # Another answer may lack the columns of the chart before.
+        if drawn := chart(answer, form):
+            return shown | {"chart": drawn, "form": form, "chosen": form.kind}
+    suits = suggested(answer)
+    return shown | {"chart": chart(answer, suits) if suits else None, "form": suits}

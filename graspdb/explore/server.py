@@ -53,7 +53,11 @@ class Server:
         try:
             self._server.serve_forever()
         finally:
-            self._server.server_close()
+            self.close()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._server.server_close()
 
     def stop(self) -> None:
         """Let `serve`, in another thread, return."""

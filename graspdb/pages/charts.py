@@ -26,6 +26,9 @@ _NOTHING: Final = 1e-100
 _LETTER: Final = 6.2
 """Width of a letter, about [pixel]."""
 
+_LONGEST: Final = 28
+"""Letters of a name along x; longer ones are cut."""
+
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 22, 10, 36
 """Margins about the field of a chart [pixel]."""
 
@@ -215,12 +218,18 @@ def scatter(
     y_title: str,
     *,
     joined: bool = False,
+    labels: Sequence[str] = (),
     size: tuple[float, float] = (520, 320),
 ) -> Chart:
-    """Return points, by series, in a plane; joined by lines on request."""
+    """Return points, by series, in a plane; joined by lines on request.
+
+    Where there are `labels`, x counts them, and they stand along the axis.
+    """
     width, height = size
-    x = numbers([v for one in series for v in one.x if v is not None], _LEFT, width - _RIGHT)
-    y = numbers([v for one in series for v in one.y if v is not None], height - _BOTTOM, _TOP)
+    slanted, below = _slant(labels, width)
+    along = _LEFT, width - _RIGHT
+    x = names(labels, *along) if labels else numbers(_known([v for one in series for v in one.x]), *along)
+    y = numbers(_known([v for one in series for v in one.y]), height - below, _TOP)
     marks: list[Mark] = []
     for i, one in enumerate(series):
         places = [
@@ -235,7 +244,7 @@ def scatter(
             Mark("dot", (place,), series_css(i), one.titles[k] if one.titles else one.name, i)
             for k, place in places
         ]
-    return Chart(title, width, height, x, y, x_title, y_title, tuple(marks), _legend(series))
+    return Chart(title, width, height, x, y, x_title, y_title, tuple(marks), _legend(series), slanted)
 
 
 def columns(
@@ -248,9 +257,7 @@ def columns(
     width: float = 520,
 ) -> Chart:
     """Return a bar for each name."""
-    longest = max((len(label) for label in labels), default=0)
-    slanted = longest * _LETTER * max(len(labels), 1) > width - _LEFT - _RIGHT
-    below = _BOTTOM + (0.62 * _LETTER * min(longest, 28) if slanted else 0)
+    slanted, below = _slant(labels, width)
     height = 230 + below
     x, y = (
         names(labels, _LEFT, width - _RIGHT),
@@ -314,6 +321,13 @@ def shades(
                 corner, size = (x(begin), y(i) - line / 2 + 0.5), (x(end) - x(begin), line - 1)
                 marks.append(Mark("bar", (corner, size), "shade", f"{name}: {share:.0%}", opacity=level / 8))
     return Chart(title, width, height, Scale(0, n, x.start, x.end, ticks), y, x_title, "", tuple(marks))
+
+
+def _slant(labels: Sequence[str], width: float) -> tuple[bool, float]:
+    """Return whether names are too long to stand upright along x, and the margin that they need below."""
+    longest = max((len(label) for label in labels), default=0)
+    slanted = longest * _LETTER * max(len(labels), 1) > width - _LEFT - _RIGHT
+    return slanted, _BOTTOM + (0.62 * _LETTER * min(longest, _LONGEST) if slanted else 0)
 
 
 def _known(values: Sequence[float | None]) -> list[float]:

@@ -171,7 +171,7 @@ def read_report(database: Database, session: str) -> SessionReport:
     with database.session(session) as part:
         about = part.sql(_ABOUT).table.to_pylist()[0]
         grasps = tuple(GraspEntry(**_tuples(row)) for row in part.sql(_GRASPS).table.to_pylist())
-        measured = part.sql("SELECT count(*) FROM reference_contacts").rows()[0][0]
+        measured = len(part.query("contact_errors"))
         return SessionReport(
             session=session,
             **_tuples(about),
@@ -180,7 +180,7 @@ def read_report(database: Database, session: str) -> SessionReport:
             grasps=grasps,
             timelines=read_timelines(part),
             densities=contact_densities(part),
-            table_1=contact_errors(part) if measured and grasps else (),
+            table_1=contact_errors(part) if measured else (),
             quality=read_quality(part),
             synergies=_synergies(part, len(grasps)),
         )

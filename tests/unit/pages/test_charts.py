@@ -1,6 +1,7 @@
 """Charts: everything shown lies where its value belongs, whatever the values and names are."""
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -23,7 +24,7 @@ def test_a_scale_has_every_value_between_its_ends(given_values: list[float], zer
 def test_ticks_are_evenly_spaced_from_end_to_end_and_not_many(given_values: list[float]) -> None:
     scale = numbers(given_values, 20.0, 220.0)
     at = [tick.at for tick in scale.ticks]
-    steps = [b - a for a, b in zip(at, at[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(at)]
     assert at[0] == 20.0
     assert at[-1] == 220.0
     assert 2 <= len(at) <= 8
