@@ -15,6 +15,9 @@ ROWS: Final = 500
 _BARS: Final = 40
 """Bars, or names along an axis, that still can be read."""
 
+_WIDTH, _HEIGHT = 760, 380
+"""Size of a chart [pixel]."""
+
 _CELL: Final = 200
 """Characters of a cell."""
 
@@ -107,9 +110,11 @@ def _cut(said: str) -> str:
 def suggested(answer: Answer) -> ChartForm | None:
     """Return the chart that suits an answer, or None where it has no numbers to draw.
 
-    Few rows with a name are bars; others are points, of the first two columns of numbers.
+    Few rows with a name are bars; others are points, of the first two columns of numbers. Columns that say
+    the same in every row come last, and counts after measures.
     """
     numbers = [name for name, numeric in zip(answer.names, answer.numeric, strict=True) if numeric]
+    numbers.sort(key=lambda name: _tells_little(answer.column(name)))
     texts = [
         name
         for name, numeric in zip(answer.names, answer.numeric, strict=True)
@@ -126,36 +131,42 @@ def suggested(answer: Answer) -> ChartForm | None:
     return ChartForm("points", numbers[0], numbers[1], groups[0] if groups else "")
 
 
+def _tells_little(values: Sequence[Any]) -> tuple[bool, bool]:
+    """Return whether all values are one, and whether they are whole numbers: what sorts after others."""
+    return len(set(values)) < 2, all(isinstance(value, int) for value in values)
+
+
 def chart(answer: Answer, form: ChartForm) -> Chart | None:
     """Return a chart of an answer, or None where its columns do not allow it."""
     numeric = dict(zip(answer.names, answer.numeric, strict=True))
     if form.x not in numeric or not numeric.get(form.y, False):
         return None
-    title = f"{form.y} over {form.x}"
+    title, y = f"{form.y} over {form.x}", _floats(answer.column(form.y))
     if form.kind == "bars":
-        labels = [text(value) for value in answer.column(form.x)[:_BARS]]
-        return columns(
-            title, labels, _floats(answer.column(form.y))[:_BARS], form.y, x_title=form.x, width=760
-        )
-    groups = (
-        [text(value) for value in answer.column(form.by)] if form.by in numeric else [""] * len(answer.rows)
-    )
-    y = _floats(answer.column(form.y))
-    labels: list[str] = []
-    if numeric[form.x]:
-        x = _floats(answer.column(form.x))
+        bars = [text(value) for value in answer.column(form.x)[:_BARS]]
+        return columns(title, bars, y[:_BARS], form.y, x_title=form.x, width=_WIDTH)
+    labels = [] if numeric[form.x] else list(dict.fromkeys(map(text, answer.column(form.x))))
+    if len(labels) > _BARS:
+        return None
+    if labels:
+        x: list[float | None] = [float(labels.index(text(value))) for value in answer.column(form.x)]
     else:
-        along = [text(value) for value in answer.column(form.x)]
-        labels = list(dict.fromkeys(along))
-        x = [float(labels.index(label)) for label in along]
-        if len(labels) > _BARS:
-            return None
-    named = _names(answer)
-    series = []
-    for group in list(dict.fromkeys(groups))[:N_SERIES]:
-        rows = [i for i, one in enumerate(groups) if one == group]
-        series.append(Series(group, [x[i] for i in rows], [y[i] for i in rows], [named[i] for i in rows]))
-    return scatter(title, series, form.x, form.y, joined=form.kind == "lines", labels=labels, size=(760, 380))
+        x = _floats(answer.column(form.x))
+    grouped = answer.column(form.by) if form.by in numeric else [""] * len(answer.rows)
+    series = _series([text(value) for value in grouped], x, y, _names(answer))
+    joined = form.kind == "lines"
+    return scatter(title, series, form.x, form.y, joined=joined, labels=labels, size=(_WIDTH, _HEIGHT))
+
+
+def _series(
+    groups: Sequence[str], x: Sequence[float | None], y: Sequence[float | None], titles: Sequence[str]
+) -> list[Series]:
+    """Return points by group: as many groups as can be told apart, in the order of their names."""
+    members = {group: [i for i, one in enumerate(groups) if one == group] for group in sorted(set(groups))}
+    return [
+        Series(group, [x[i] for i in rows], [y[i] for i in rows], [titles[i] for i in rows])
+        for group, rows in list(members.items())[:N_SERIES]
+    ]
 
 
 def _floats(values: Sequence[Any]) -> list[float | None]:

@@ -1,5 +1,6 @@
 """The charts of a report."""
 
+from dataclasses import replace
 from typing import Final
 
 from graspdb.pages.charts import (
@@ -117,7 +118,7 @@ def _timeline(line: Timeline, side: str, curve: Curve) -> Chart:
     left, top = 46, 6
     floor = top + _CURVES
     bottom = floor + 6 + _LANE * len(DIGITS)
-    x = _times(line.duration, left, _WIDTH - 8)
+    x = _times(line.begin, line.end, left, _WIDTH - 8)
     lengths = [_MM * v for v in (*curve.aperture, *curve.height) if v is not None]
     y = numbers(lengths, floor, top, zero=True)
     y = Scale(y.low, y.high, y.start, y.end, y.ticks[:: max(1, len(y.ticks) // 3)])
@@ -147,19 +148,10 @@ def _events(hold: Hold, x: Scale, top: float, bottom: float) -> list[Mark]:
     ]
 
 
-def _times(duration: float, start: float, end: float) -> Scale:
-    """Return a scale from zero to the end of a trial, and no further."""
-    ticks = numbers([0.0, duration], 0.0, 1.0).ticks
-    round_ = numbers([0.0, duration], start, end)
-    scale = Scale(0.0, duration, start, end, ())
-    return Scale(
-        0.0,
-        duration,
-        start,
-        end,
-        tuple(
-            Tick(scale(value), tick.label)
-            for tick in ticks
-            if (value := round_.low + tick.at * (round_.high - round_.low)) <= duration
-        ),
-    )
+def _times(begin: float, end: float, left: float, right: float) -> Scale:
+    """Return a scale from the begin of a trial to its end, and no further, with ticks at round times."""
+    scale = Scale(begin, end, left, right, ())
+    whole = numbers([begin, end], left, right)
+    step = (whole.high - whole.low) / (len(whole.ticks) - 1)
+    at = [(whole.low + i * step, tick.label) for i, tick in enumerate(whole.ticks)]
+    return replace(scale, ticks=tuple(Tick(scale(time), label) for time, label in at if begin <= time <= end))

@@ -58,8 +58,8 @@ class Timeline:
         Its key.
     subject, object : str or None
         Who, what.
-    duration : float
-        [s]
+    begin, end : float
+        Times of its first and its last frame [s].
     curves : mapping of str to Curve
         By hand: right, left.
     touches : tuple of Touch
@@ -71,7 +71,8 @@ class Timeline:
     trial: str
     subject: str | None
     object: str | None
-    duration: float
+    begin: float
+    end: float
     curves: dict[str, Curve]
     touches: tuple[Touch, ...]
     holds: tuple[Hold, ...]
@@ -95,19 +96,22 @@ def read_timelines(database: Database) -> tuple[Timeline, ...]:
             trial,
             subject,
             name,
-            duration,
+            begin,
+            end,
             curves.get(trial, {}),
             tuple(touches.get(trial, ())),
             tuple(holds.get(trial, ())),
         )
-        for trial, subject, name, duration in database.sql(_TRIALS).rows()
+        for trial, subject, name, begin, end in database.sql(_TRIALS).rows()
     )
 
 
 _TRIALS: Final = """
-    SELECT trial, subject, object, duration
+    SELECT trial, subject, object, begin_time, end_time
     FROM trials
-    WHERE duration > 0 AND trial IN (SELECT trial FROM frames)
+    JOIN (SELECT trial, min(time) AS begin_time, max(time) AS end_time FROM frames GROUP BY trial)
+        USING (trial)
+    WHERE end_time > begin_time
     ORDER BY trial
 """
 
