@@ -1,7 +1,6 @@
 """The templates of all pages: one environment, in which every text is escaped unless a template made it."""
 
 import base64
-import json
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -42,13 +41,7 @@ def environment() -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters |= {
-        "si": in_unit,
-        "percent": percent,
-        "data_url": data_url,
-        "js": script_json,
-        "or_none": or_none,
-    }
+    made.filters |= {"si": in_unit, "or_none": or_none}
     made.globals |= {"categories": CATEGORIES, "digit_colours": DIGIT_COLOURS, "scale": SCALE}
     return made
 
@@ -56,11 +49,6 @@ def environment() -> "Environment":
 def in_unit(value: float | None, unit: str, decimals: int = 1) -> str:
     """Return a length [m] or volume [m3] as a number of mm, cm or cm3."""
     return NONE if value is None or value != value else f"{value * _FROM_METRES[unit]:.{decimals}f}"
-
-
-def percent(share: float | None, decimals: int = 1) -> str:
-    """Return a share as per cent."""
-    return NONE if share is None or share != share else f"{100 * share:.{decimals}f} %"
 
 
 def or_none(value: object) -> object:
@@ -71,11 +59,3 @@ def or_none(value: object) -> object:
 def data_url(content: bytes, kind: str) -> str:
     """Return a file as an address that carries it."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def script_json(value: Any) -> Any:
-    """Return JSON that may stand within ``<script>``: nothing in it can end the element, or a line."""
-    from markupsafe import Markup
-
-    text = json.dumps(value, ensure_ascii=True, allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))

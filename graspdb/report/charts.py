@@ -6,16 +6,13 @@ from typing import Final
 from graspdb.pages.charts import (
     Chart,
     Mark,
-    Scale,
     Series,
-    Tick,
     columns,
-    names,
-    numbers,
     scatter,
     shades,
     spreads,
 )
+from graspdb.pages.scales import Scale, Tick, names, numbers
 from graspdb.report.contents import Synergies
 from graspdb.report.quality import Quality, Spread
 from graspdb.report.timelines import Curve, Hold, Timeline

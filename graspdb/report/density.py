@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from graspdb.database import Database
@@ -37,7 +38,8 @@ def contact_densities(database: Database) -> tuple[ObjectDensity, ...]:
     """Return the contact density of every object that was grasped, each version of it by itself."""
     densities = []
     for name, cloud, ingest_id, n_grasps in database.sql(_CLOUDS).rows():
-        rows = database.query("where_grasped", object=name).table.filter(_is("cloud", cloud)).sort_by("point")
+        rows = database.query("where_grasped", object=name).table
+        rows = rows.filter(pc.field("cloud") == cloud).sort_by("point")
         normals = database.sql(_NORMALS, object=name, id=ingest_id).table["normal"].to_pylist()
         if len(normals) != rows.num_rows or not rows.num_rows:
             continue
@@ -45,12 +47,6 @@ def contact_densities(database: Database) -> tuple[ObjectDensity, ...]:
         array = np.array([normal or [np.nan] * 3 for normal in normals], dtype=float)
         densities.append(ObjectDensity(name, n_grasps, points, array, rows["contact_density"].to_numpy()))
     return tuple(densities)
-
-
-def _is(column: str, value: str):  # type: ignore[no-untyped-def]
-    import pyarrow.compute as pc
-
-    return pc.equal(pc.field(column), value)
 
 
 _CLOUDS = """

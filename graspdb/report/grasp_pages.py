@@ -9,6 +9,7 @@ from urllib.parse import quote
 from graspdb.database import Database
 from graspdb.view.page import grasp_page
 from graspdb.view.reading import SceneReader
+from graspdb_schemas.errors import QueryError
 
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_.-]+")
 """What no file's name should have in it."""
@@ -32,13 +33,18 @@ def grasp_pages(database: Database, grasps: Sequence[str], folder: Path) -> dict
     Returns
     -------
     dict of str to str
-        Address of each grasp's page, from the folder that `folder` is in.
+        Address of each grasp's page, from the folder that `folder` is in; a grasp that cannot be shown has none.
     """
     folder.mkdir(parents=True, exist_ok=True)
     reader = SceneReader(database)
     links = {}
     for number, key in enumerate(grasps):
         name = f"{number:04}_{_UNSAFE.sub('_', key)[-_LONGEST:]}.html"
-        (folder / name).write_text(grasp_page(reader.scene(key)), encoding="utf-8")
+        try:
+            page = grasp_page(reader.scene(key))
+        except QueryError:
+            # A hand of which too little is stored has its picture alone.
+            continue
+        (folder / name).write_text(page, encoding="utf-8")
         links[key] = quote(f"{folder.name}/{name}")
     return links

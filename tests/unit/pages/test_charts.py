@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graspdb.pages.charts import Series, columns, names, numbers, scatter, shades, spreads
+from graspdb.pages.charts import Series, columns, scatter, shades, spreads
+from graspdb.pages.scales import names, numbers
 from graspdb.pages.templates import environment
 
 values = st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=20)
