@@ -1,7 +1,7 @@
 # Every target makes the environment in .venv first, system libraries included, where that is not done yet.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-lowest lint types bench docs lock clean
+.PHONY: help setup demo test test-lowest lint types bench check-exports docs lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -33,6 +33,9 @@ types: setup ## check types
 bench: setup ## run the benchmarks, or NAME="similar speed" alone; print a table, write bench.json
 	.venv/bin/python tests/benchmarks/run.py $(if $(NAME),"$(NAME)")
 
+check-exports: setup ## read exports with lerobot, robomimic and others, in an environment of its own (6 GB)
+	tools/check_exports.sh
+
 docs: setup ## write the pages of docs/ that come from the code
 	.venv/bin/python tools/write_docs.py
 
@@ -40,5 +43,5 @@ lock: ## write constraints.txt and constraints-lowest.txt anew
 	@tools/lock.sh
 
 clean: ## remove environments, caches and built files
-	rm -rf .venv .venv-lowest build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-lowest .venv-exports build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -11,6 +11,7 @@ from graspdb.commands.check import check
 from graspdb.commands.demo import demo
 from graspdb.commands.explore import explore
 from graspdb.commands.export import export
+from graspdb.commands.figure import figure
 from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
@@ -48,7 +49,8 @@ app.command()(similar)
 app.command()(report)
 app.command()(explore)
 app.command()(view)
-app.add_typer(export)
+app.add_typer(figure)
+app.command()(export)
 app.command()(hand)
 app.add_typer(validate)
 

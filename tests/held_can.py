@@ -5,6 +5,7 @@ second trial is one instant of the same grasp, of a trial and an object whose na
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,14 @@ from scipy.spatial.transform import Rotation
 
 from graspdb.store import Store
 from graspdb_ingest.contact_map import contact_map
+from graspdb_ingest.descriptor import describe, descriptor_kind
 from graspdb_ingest.enclosure import enclosing_space
 from graspdb_ingest.hand.dimensions import HandDimensions
 from graspdb_ingest.hand.mjcf import build_hand
 from graspdb_ingest.hand.model import HandModel
+from graspdb_ingest.objects.cloud import ObjectCloud
+from graspdb_ingest.objects.fpfh import point_histograms
+from graspdb_ingest.parameters import CloudParameters
 from graspdb_ingest.surface import HandPoints, hand_surface, key_points
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.vocabulary import SEGMENTS, SITES, Side
@@ -58,6 +63,13 @@ class Held:
     points: np.ndarray
     normals: np.ndarray
     areas: np.ndarray
+
+    @cached_property
+    def histograms(self) -> np.ndarray:
+        """The points' FPFH, shape (n, 33)."""
+        return point_histograms(
+            ObjectCloud(self.points, self.normals, self.areas, SPACING), CloudParameters()
+        )
 
     @property
     def sites(self) -> np.ndarray:
@@ -110,6 +122,7 @@ def _shared(grip: Held) -> TrialTables:
             "position": grip.points[i].tolist(),
             "normal": grip.normals[i].tolist(),
             "area": float(grip.areas[i]),
+            "fpfh": grip.histograms[i].tolist(),
         }
         for name in (CAN, NAMED_OBJECT)
         for i in range(count)
@@ -241,6 +254,10 @@ def _trial(grip: Held, key: str, name: str, frames: list[dict[str, Any]]) -> Tri
         "points": feature.tolist(),
         "hull_vertices": space.vertices.tolist(),
         "hull_faces": space.faces.tolist(),
+        "descriptor": describe(
+            grip.points[feature], grip.normals[feature], grip.histograms[feature], grip.areas[feature]
+        ).tolist(),
+        "descriptor_kind": descriptor_kind(CloudParameters()),
     }
     mapped = {
         **placed,

@@ -33,7 +33,7 @@ def grasp_pages(database: Database, grasps: Sequence[str], folder: Path) -> dict
     Returns
     -------
     dict of str to str
-        Address of each grasp's page, from the folder that `folder` is in; a grasp that cannot be shown has none.
+        Address of each grasp's page, from the folder that `folder` is in; one that cannot be shown has none.
     """
     folder.mkdir(parents=True, exist_ok=True)
     reader = SceneReader(database)

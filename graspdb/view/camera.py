@@ -44,9 +44,9 @@ class Camera:
         return np.concatenate([np.broadcast_to(self.eye, directions.shape), directions], axis=-1)
 
 
-def frame_of(scene: Scene) -> tuple[Floats, float]:
-    """Return centre and radius [m] of a sphere round object and hand, the forearm left out."""
-    hand = scene.nodes[np.arange(len(scene.nodes)) != ELBOW]
+def frame_of(scene: Scene, object_alone: bool = False) -> tuple[Floats, float]:
+    """Return centre and radius [m] of a sphere round the object, and round the hand without the forearm."""
+    hand = scene.nodes[np.arange(len(scene.nodes)) != ELBOW][: 0 if object_alone else None]
     points = np.concatenate([scene.surface.points, hand])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
@@ -55,9 +55,9 @@ def frame_of(scene: Scene) -> tuple[Floats, float]:
     return centre, float(np.linalg.norm(points - centre, axis=1).max()) + 0.01
 
 
-def cameras_around(scene: Scene) -> list[Camera]:
+def cameras_around(scene: Scene, object_alone: bool = False) -> list[Camera]:
     """Return cameras that see all of a grasp, from all round, level to steep, with the lab's vertical up."""
-    centre, radius = frame_of(scene)
+    centre, radius = frame_of(scene, object_alone)
     distance = radius / np.sin(FIELD_OF_VIEW / 2)
     return [
         Camera(centre + distance * direction, centre, scene.up) for direction in directions_around(scene.up)

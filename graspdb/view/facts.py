@@ -1,5 +1,6 @@
 """What a grasp is, in words and numbers."""
 
+from graspdb.grasp import Grasp
 from graspdb.view.scene import Scene
 
 
@@ -13,22 +14,39 @@ def subtitle(scene: Scene) -> str:
 
 
 def facts(scene: Scene) -> list[tuple[str, str]]:
-    """Return name and value, with its unit, of what is known of a grasp."""
-    grasp = scene.grasp
-    areas = scene.surface.areas[grasp.feature_points] if len(scene.surface.areas) else scene.surface.areas
-    found = [
-        ("object", grasp.object),
-        ("subject", f"{grasp.subject}, {grasp.side} hand"),
-        ("task", scene.task),
-        ("type", scene.grasp_type),
-        ("digits", ", ".join(grasp.digits)),
-        ("contacts", f"{len(grasp.contact_sites)} of {len(grasp.gap)} sites{_threshold(scene.threshold)}"),
-        ("snapshot", _snapshot(scene)),
-        ("enclosed", None if grasp.hull_volume is None else f"{1e6 * grasp.hull_volume:.1f} cm³"),
-        ("feature", f"{len(grasp.feature_points)} points, {1e4 * float(areas.sum()):.1f} cm²"),
-    ]
-    found += [(name.replace("_", " "), f"{value:.3g}") for name, value in grasp.quality.items()]
-    return [(name, value) for name, value in found if value]
+    """Return name and value, with its unit, of what is known of a grasp and its trial."""
+    areas = scene.surface.areas[scene.feature]
+    more = {
+        "task": scene.task,
+        "type": scene.grasp_type,
+        "gap below": None if scene.threshold is None else f"{1e3 * scene.threshold:g} mm",
+        "feature": f"{len(scene.feature)} points, {1e4 * float(areas.sum()):.1f} cm²",
+    }
+    return _known({**_of_grasp(scene.grasp), **more})
+
+
+def grasp_facts(grasp: Grasp) -> list[tuple[str, str]]:
+    """Return the same of what a grasp alone says."""
+    return _known(_of_grasp(grasp))
+
+
+def _of_grasp(grasp: Grasp) -> dict[str, str | None]:
+    """Return facts by name in the order in which they are shown; None for what is not known."""
+    kind = (grasp.snapshot_kind or "").replace("_", " ")
+    time = grasp.snapshot_time
+    return {
+        "object": grasp.object,
+        "subject": f"{grasp.subject}, {grasp.side} hand",
+        "task": None,
+        "type": None,
+        "digits": ", ".join(grasp.digits),
+        "contacts": f"{len(grasp.contact_sites)} of {len(grasp.gap)} sites",
+        "gap below": None,
+        "snapshot": kind if time is None else f"{kind}, {time:.2f} s",
+        "enclosed": None if grasp.hull_volume is None else f"{1e6 * grasp.hull_volume:.1f} cm³",
+        "feature": f"{len(grasp.feature_points)} points",
+        **{name.replace("_", " "): f"{value:.3g}" for name, value in grasp.quality.items()},
+    }
 
 
 def description(scene: Scene) -> str:
@@ -41,11 +59,5 @@ def description(scene: Scene) -> str:
     )
 
 
-def _threshold(threshold: float | None) -> str:
-    return "" if threshold is None else f", gap below {1e3 * threshold:g} mm"
-
-
-def _snapshot(scene: Scene) -> str:
-    kind = (scene.grasp.snapshot_kind or "").replace("_", " ")
-    time = scene.grasp.snapshot_time
-    return kind if time is None else f"{kind}, {time:.2f} s"
+def _known(found: dict[str, str | None]) -> list[tuple[str, str]]:
+    return [(name, value) for name, value in found.items() if value]

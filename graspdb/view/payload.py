@@ -40,7 +40,7 @@ def scene_payload(scene: Scene, world_from_object: Floats) -> dict[str, Any]:
             "normals": _floats(surface.normals),
             "faces": _integers(surface.faces),
         },
-        "feature": _integers(grasp.feature_points),
+        "feature": _integers(scene.feature),
         "map": None
         if scene.contact_map is None
         else {"points": _integers(scene.contact_map.points), "gaps": _floats(scene.contact_map.gaps)},

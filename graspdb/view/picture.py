@@ -20,6 +20,9 @@ SAMPLES: Final = 2
 """Rays across a pixel, and down it."""
 
 HAND_OPACITY: Final = 0.5
+COVERED: Final = 0.35
+"""What a feature or a touching sphere is worth seeing behind the hand, over its worth in plain sight."""
+
 HULL_OPACITY: Final = 0.16
 OUTLINE_STEP: Final = 0.006
 """A step in depth that is drawn as an outline [m]."""
@@ -88,6 +91,17 @@ def picture(
     return _reduced(image)
 
 
+def surface_picture(scene: Scene, colours: Floats, camera: Camera, width: int, height: int) -> Pixels:
+    """Return a picture of the object alone with a colour for each of its points, shape (n, 3)."""
+    rays = camera.rays(SAMPLES * width, SAMPLES * height).astype(np.float32)
+    surface = scene.surface
+    shape = Triangles(surface.points, surface.normals, colours, surface.faces)
+    colour, depth = _layer(shape, rays, _light(camera))
+    image = np.concatenate([colour, np.isfinite(depth)[..., None]], axis=-1, dtype=np.float32)
+    _outline(image, depth, 0.55)
+    return _reduced(image)
+
+
 def best_camera(scene: Scene) -> Camera:
     """Return the camera that sees most of the touching spheres and of the feature past the hand."""
     parts = _solid(scene, Shown(contacts=False))
@@ -101,8 +115,8 @@ def best_camera(scene: Scene) -> Camera:
         faces = hit["primitive_ids"].numpy()
         seen = np.isfinite(hit["t_hit"].numpy())
         covered = over["t_hit"].numpy() < hit["t_hit"].numpy()
-        values = np.where(seen, wanted[np.where(seen, faces, 0)], 0.0) * np.where(covered, 0.6, 1.0)
-        value = float(values.sum()) + 0.15 * float(covered.sum())
+        values = np.where(seen, wanted[np.where(seen, faces, 0)], 0.0) * np.where(covered, COVERED, 1.0)
+        value = float(values.sum()) + 0.1 * float(np.isfinite(over["t_hit"].numpy()).sum())
         if value > most:
             best, most = camera, value
     return best
@@ -133,7 +147,7 @@ def _solid(scene: Scene, shown: Shown) -> list[Triangles]:
 def _weighted(scene: Scene, parts: list[Triangles]) -> list[tuple[Triangles, float | Floats]]:
     """Return how much each triangle of the solid parts is worth seeing."""
     feature = np.zeros(len(scene.surface.points))
-    feature[scene.grasp.feature_points] = 1.0
+    feature[scene.feature] = 1.0
     faces = feature[scene.surface.faces].mean(axis=1) if len(scene.surface.faces) else np.empty(0)
     return [(parts[0], faces), *((part, 2.0) for part in parts[1:])]
 
@@ -146,7 +160,7 @@ def object_colours(scene: Scene, shown: Shown = EVERYTHING) -> Floats:
         near = palette.nearness(scene.contact_map.gaps)
         colours[scene.contact_map.points] = palette.scale_colours(near)
     elif shown.feature:
-        colours[scene.grasp.feature_points] = palette.rgb(palette.FEATURE)
+        colours[scene.feature] = palette.rgb(palette.FEATURE)
     return colours
 
 
@@ -210,17 +224,17 @@ def _layer(triangles: Triangles, rays: NDArray[np.float32], light: Floats) -> tu
     corners = triangles.faces[hit["primitive_ids"].numpy()[met]]
     u, v = hit["primitive_uvs"].numpy()[met].T
     weights = np.stack([1 - u - v, u, v], axis=-1)
-    normals = np.einsum("nk,nki->ni", weights, triangles.normals[corners])
+    normals = np.einsum("nk,nki->ni", weights, triangles.normals.astype(np.float32)[corners])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     toward = -rays[met, 3:]
     # Surfaces are seen from either side: a thin wall's inner side faces away.
     normals = np.where(np.sum(normals * toward, axis=1, keepdims=True) < 0, -normals, normals)
-    base = np.einsum("nk,nki->ni", weights, triangles.colours[corners])
-    colour[met] = _shaded(base, normals, toward, light)
+    base = np.einsum("nk,nki->ni", weights, triangles.colours.astype(np.float32)[corners])
+    colour[met] = _shaded(base, normals, toward, light.astype(np.float32))
     return colour, depth
 
 
-def _shaded(base: Image, normals: Image, toward: Image, light: Floats) -> Image:
+def _shaded(base: Image, normals: Image, toward: Image, light: Image) -> Image:
     """Shade by a soft light, a faint one from the other side, and a small highlight."""
     facing = np.sum(normals * light, axis=1, keepdims=True)
     half = light + toward

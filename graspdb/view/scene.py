@@ -194,6 +194,12 @@ class Scene:
         """Whether each site touches at the snapshot, shape (20,)."""
         return np.isin(np.array(SITES), self.grasp.contact_sites)
 
+    @property
+    def feature(self) -> Integers:
+        """Indices of the surface's points that are in the graspable feature, shape (k,)."""
+        points = self.grasp.feature_points
+        return points[points < len(self.surface.points)]
+
     def capsules(self) -> tuple[tuple[Segment, Floats, Floats, float, float], ...]:
         """Return each segment that is known at the snapshot: its ends [m] and the radii there [m]."""
         return tuple(

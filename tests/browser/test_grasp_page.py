@@ -184,6 +184,9 @@ def test_two_grasps_stand_side_by_side_laid_over_each_other(open_page: Open, pag
         assert share(half, palette.TOUCHING) > 0.001
     names = page.locator(".captions strong").all_inner_texts()
     assert names == [held_can.LIFTED, held_can.NAMED]
+    # They are one grasp of one can, under two names.
+    assert "Cost 0.00; 0 is the same grasp." in page.locator("aside").inner_text()
+    assert page.locator(".cost").count() == 5
 
 
 def test_keys_turn_the_view_and_reset_it(open_page: Open, pages: dict[str, Path]) -> None:
@@ -194,7 +197,8 @@ def test_keys_turn_the_view_and_reset_it(open_page: Open, pages: dict[str, Path]
         page.keyboard.press(key)
     assert (picture(page) != before).mean() > 0.05
     page.keyboard.press("r")
-    assert (picture(page) == before).mean() > 0.99
+    # The same but for rounding of the camera's place.
+    assert np.abs(picture(page) - before).mean() < 0.5
 
 
 def test_everything_that_acts_has_a_name_and_is_reached_by_tab(
