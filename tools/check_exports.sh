@@ -27,6 +27,8 @@ if [ ! -f "$venv/done" ]; then
     "${pip[@]}" 'datasets>=4,<5' 'diffusers<0.36' 'huggingface-hub<0.36' einops jsonlines 'draccus==0.10.0' \
         gymnasium deepdiff termcolor 'av<16' accelerate imageio h5py tqdm tensorboard tensorboardX psutil \
         packaging safetensors pyserial pynput six pyyaml matplotlib 'zarr<3' 'numcodecs<0.16'
+    "${pip[@]}" deltalake duckdb pyarrow scipy
+    "${pip[@]}" --no-deps --editable .
     touch "$venv/done"
 fi
 
@@ -36,3 +38,4 @@ done
 "$venv/bin/python" tests/exports/check_lerobot.py "$scratch/lerobot"
 "$venv/bin/python" tests/exports/check_robomimic.py "$scratch/hdf5"
 "$venv/bin/python" tests/exports/check_zarr.py "$scratch/zarr"
+"$venv/bin/python" tests/exports/check_training.py "$db" "$scratch/lerobot"

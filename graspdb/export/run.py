@@ -1,7 +1,8 @@
 """From a query to an export: select, read part by part, write, add card and checksums."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -150,16 +151,20 @@ def _write(
     slices = list(selection.slices(writer.format.part))
     total = selection.rows.num_rows
     todo = range(len(journal.written), len(slices))
-    for index, items in zip(todo, _items(writer, engine, [slices[i] for i in todo]), strict=True):
-        piece = slices[index]
-        journal.add(writer.write(Part(index, piece.split, piece.first, items, tuple(journal.written))))
-        if progress is not None:
-            progress(piece.first + piece.rows.num_rows, total)
+    # Closed here, so that nothing is being read any more when the engine is closed.
+    with closing(_items(writer, engine, [slices[i] for i in todo])) as parts:
+        for index, items in zip(todo, parts, strict=True):
+            piece = slices[index]
+            journal.add(writer.write(Part(index, piece.split, piece.first, items, tuple(journal.written))))
+            if progress is not None:
+                progress(piece.first + piece.rows.num_rows, total)
     _refuse_nothing(journal)
     writer.finish(journal.written)
 
 
-def _items(writer: Writer[Any], engine: Engine, slices: Sequence[Slice]) -> Iterator[Iterator[Any]]:
+def _items(
+    writer: Writer[Any], engine: Engine, slices: Sequence[Slice]
+) -> Generator[Iterator[Any], None, None]:
     """Yield the items of each slice; the frames of the next are read while those of one are written."""
     if writer.format.items == "grasps":
         yield from (grasps_of(engine, piece.rows) for piece in slices)

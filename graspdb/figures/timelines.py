@@ -8,7 +8,6 @@ import numpy as np
 from graspdb.database import Database
 from graspdb.figures.canvas import PAGE, canvas
 from graspdb.view import palette
-from graspdb.view.payload import world_pose
 from graspdb.view.reading import read_scene
 from graspdb.view.scene import Floats, Motion, Scene
 from graspdb_ingest.runs import runs
@@ -60,7 +59,7 @@ def aperture(motion: Motion) -> Floats:
 
 def height(scene: Scene, motion: Motion) -> Floats:
     """Return how high the object is over where it was first seen [m], shape (n,); NaN where it is not."""
-    up = world_pose(scene)[:3, :3] @ scene.up
+    up = scene.world_from_object[:3, :3] @ scene.up
     along = motion.object_position @ up
     known = np.isfinite(along)
     return np.asarray(along - along[known][0] if known.any() else along)

@@ -12,20 +12,22 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.dataset as pa_dataset
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from graspdb.export.errors import ExportError
 from graspdb.export.options import export_options
+from graspdb.export.reading import episodes_of
 from graspdb.export.run import with_rate
 from graspdb.export.selection import select
 from graspdb.export.split import TRAIN, VALID
 from graspdb.export.steps import ACTION, ENVIRONMENT, KNOWN, STATE, Steps, step_columns, steps_of
+from graspdb_queries.engine import Engine
 from graspdb_schemas.errors import ParameterError
 
 if TYPE_CHECKING:
     from graspdb.database import Database
-    from graspdb_queries.engine import Engine
 
 EpisodeArrays = Mapping[str, NDArray[Any]]
 """Name of a feature -> its values, a row a step."""
@@ -69,7 +71,8 @@ class DatabaseSource(EpisodeSource):
         if only is not None and asked.split is None:
             raise ParameterError("only", only, "nothing, unless split says what the sides do not share")
         self._tables = database.snapshot.sources
-        selection = select(self._engine, asked, "episodes")
+        with Engine(self._tables) as engine:
+            selection = select(engine, asked, "episodes")
         self._options = with_rate(asked, selection)
         rows = selection.rows
         self._rows: pa.Table = rows if only is None else rows.filter(pc.equal(rows["split"], only))
@@ -80,30 +83,25 @@ class DatabaseSource(EpisodeSource):
         """Number of hands of trials that were selected."""
         return int(self._rows.num_rows)
 
-    @property
-    def _engine(self) -> "Engine":
-        """An engine of this process: one of a parent's cannot be used in a child."""
-        from graspdb_queries.engine import Engine
-
-        mine = self.__dict__.get("_opened")
-        if mine is None or mine[0] != os.getpid():
-            mine = self.__dict__["_opened"] = (os.getpid(), Engine(self._tables))
-        return mine[1]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return all but the engine."""
-        return {name: value for name, value in self.__dict__.items() if name != "_opened"}
-
     def read(self, episodes: Sequence[int]) -> Iterator[EpisodeArrays | None]:
         """Yield episodes in the order asked for."""
-        from graspdb.export.reading import episode_frames, episodes_of
-
         for start in range(0, len(episodes), _BLOCK):
             rows = self._rows.take(pa.array(episodes[start : start + _BLOCK], pa.int64()))
-            frames = episode_frames(self._engine, rows, step_columns(self._options))
-            for episode in episodes_of(rows, frames):
+            for episode in episodes_of(rows, self._frames(rows)):
                 steps = steps_of(episode, self._options)
                 yield steps.columns(self._options.missing) if isinstance(steps, Steps) else None
+
+    def _frames(self, rows: pa.Table) -> pa.Table:
+        """Return the frames of some rows, read by Arrow.
+
+        Workers of a DataLoader are forks, and an engine of DuckDB does not outlive a fork. The ids of the
+        rows are those of committed trials, so nothing else can be among their frames.
+        """
+        frames = self._tables["frames"]
+        found = pa_dataset.dataset([*frames.files, *frames.mixed_files], format="parquet")
+        ids = pc.field("ingest_id").isin(rows["ingest_id"].combine_chunks().unique())
+        columns = ["trial", "side", "frame", "time", *step_columns(self._options)]
+        return found.to_table(columns=columns, filter=ids, use_threads=False).combine_chunks()
 
     def lengths(self) -> NDArray[np.int64]:
         """Return the number of steps of every episode; all are read once to know it."""
@@ -182,7 +180,7 @@ class ExportSource(EpisodeSource):
         sizes = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
         ends = list(accumulate(sizes))
         first, last = bisect_right(ends, start), bisect_right(ends, start + length - 1)
-        groups = file.read_row_groups(list(range(first, last + 1)), columns=self._names)
+        groups = file.read_row_groups(list(range(first, last + 1)), columns=self._names, use_threads=False)
         own = groups.slice(start - (ends[first] - sizes[first]), length)
         return {name: _array(own[name]) for name in self._names}
 

@@ -7,7 +7,7 @@ import os
 import sys
 from collections import OrderedDict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 Window = dict[str, Any]
 """Feature -> values, shape (horizon, ...); ``is_pad``, ``episode`` and ``step``."""
 
-_CACHE: Final = 2**30
+CACHE: Final = 2**30
 """Bytes of episodes that a process keeps."""
 
-_TOGETHER: Final = 16
-"""Episodes whose windows a stream mixes."""
+TOGETHER: Final = 16
+"""Episodes that are read together, and whose windows a stream mixes."""
 
 
 class WindowDataset:
@@ -96,16 +96,18 @@ class WindowDataset:
 
     def _episode(self, number: int) -> EpisodeArrays:
         """Return an episode, from those kept if it is there; those not used for longest make room."""
-        if number in self._kept:
-            self._kept.move_to_end(number)
-            return self._kept[number]
-        # One without steps has no window that could be asked for.
-        arrays = cast(EpisodeArrays, next(self._source.read([number])))
-        self._kept[number] = arrays
-        self._bytes += _size(arrays)
-        while self._bytes > _CACHE and len(self._kept) > 1:
+        if number not in self._kept:
+            # Reading its neighbours, too, costs little more, and each is asked for in every epoch.
+            first = number - number % TOGETHER
+            numbers = range(first, min(first + TOGETHER, self._source.n_episodes))
+            for one, arrays in zip(numbers, self._source.read(numbers), strict=True):
+                if arrays is not None and one not in self._kept:
+                    self._kept[one] = arrays
+                    self._bytes += _size(arrays)
+        self._kept.move_to_end(number)
+        while self._bytes > CACHE and len(self._kept) > 1:
             self._bytes -= _size(self._kept.popitem(last=False)[1])
-        return arrays
+        return self._kept[number]
 
 
 class WindowStream:
@@ -160,8 +162,8 @@ class WindowStream:
             np.arange(self._source.n_episodes) if rng is None else rng.permutation(self._source.n_episodes)
         )
         own = order[worker::n_workers]
-        for start in range(0, len(own), _TOGETHER):
-            numbers = own[start : start + _TOGETHER].tolist()
+        for start in range(0, len(own), TOGETHER):
+            numbers = own[start : start + TOGETHER].tolist()
             read = zip(numbers, self._source.read(numbers), strict=True)
             yield from self._windows([(number, one) for number, one in read if one is not None], rng)
 

@@ -12,12 +12,15 @@ from graspdb.view import palette
 from graspdb.view.camera import Camera
 from graspdb.view.facts import description, facts, subtitle
 from graspdb.view.likeness import Likeness
-from graspdb.view.payload import json_for_script, scene_payload, world_pose
+from graspdb.view.payload import json_for_script, scene_payload
 from graspdb.view.picture import best_camera
 from graspdb.view.scene import CAPSULE_SHARE, Floats, Scene
 from graspdb_schemas.vocabulary import SITES
 
 _ASSETS: Final = files("graspdb.view") / "assets"
+
+_SCRIPTS: Final = ("page_data.js", "grasp_view.js", "grasp_page.js", "timeline.js", "begin.js")
+"""What draws the page, in this order."""
 
 _LAYERS: Final = (
     ("object", "Object", palette.OBJECT),
@@ -41,7 +44,7 @@ class Laid:
 
 def grasp_page(scene: Scene) -> str:
     """Return the page of one grasp as HTML."""
-    laid = Laid(scene, world_pose(scene))
+    laid = Laid(scene, scene.world_from_object)
     camera = _moved(best_camera(scene), laid.world_from_object)
     return _page([laid], camera, scene.grasp.id, subtitle(scene), None)
 
@@ -63,7 +66,7 @@ def _page(shown: list[Laid], camera: Camera, title: str, line: str, likeness: Li
         label=" ".join(description(laid.scene) for laid in shown),
         css=Markup(_asset("style.css") + _asset("viewer.css")),
         three=Markup(_asset("three.min.js")),
-        viewer=Markup(_asset("viewer.js")),
+        viewer=Markup("\n".join(map(_asset, _SCRIPTS))),
         data=Markup(json_for_script(_data(shown, camera))),
         layers=[
             {"name": name, "label": label, "colour": colour, "missing": name == "map" and not mapped}

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb.view.scene import SEGMENTS_DRAWN, Floats, Motion, Scene
-from graspdb_ingest.rigid import rotations_from_quaternions
 
 
 def json_for_script(value: object) -> str:
@@ -63,18 +62,6 @@ def scene_payload(scene: Scene, world_from_object: Floats) -> dict[str, Any]:
         },
         "motion": None if scene.motion is None else _motion(scene.motion),
     }
-
-
-def world_pose(scene: Scene) -> Floats:
-    """Return world_from_object at the snapshot, shape (4, 4); the identity where it is not known."""
-    pose = np.eye(4)
-    if scene.motion is not None:
-        at = scene.motion.snapshot
-        rotation = rotations_from_quaternions(scene.motion.object_quaternion[at : at + 1])[0]
-        position = scene.motion.object_position[at]
-        if np.isfinite(rotation).all() and np.isfinite(position).all():
-            pose[:3, :3], pose[:3, 3] = rotation, position
-    return pose
 
 
 def _motion(motion: Motion) -> dict[str, Any]:

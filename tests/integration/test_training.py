@@ -148,6 +148,18 @@ def test_what_is_written_meanwhile_does_not_count(tmp_path: Path) -> None:
     assert len(graspdb.WindowDataset(store.path)) == 2 * N_FRAMES + 20
 
 
+def test_episodes_make_room_for_others(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    windows = graspdb.WindowDataset(path, HORIZON)
+    expected = [windows[i] for i in range(len(windows))]
+    room = 2 * max(sum(v.nbytes for v in one.values()) for one in windows._kept.values())
+    monkeypatch.setattr("graspdb.training.windows.CACHE", room)
+    anew = pickle.loads(pickle.dumps(windows))
+    for i in np.random.default_rng(0).permutation(len(windows))[:60]:
+        same(anew[i], expected[i])
+        assert 1 <= len(anew._kept) <= 3
+        assert anew._bytes == sum(v.nbytes for one in anew._kept.values() for v in one.values()) <= room
+
+
 @pytest.mark.parametrize("kind", [graspdb.WindowDataset, graspdb.WindowStream])
 def test_what_cannot_be_asked(path: Path, exported: Path, tmp_path: Path, kind: Any) -> None:
     with pytest.raises(ParameterError, match="horizon"):
