@@ -9,6 +9,7 @@ import typer
 
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
+from graspdb.commands.explore import explore
 from graspdb.commands.export import export
 from graspdb.commands.figure import figure
 from graspdb.commands.hand import hand
@@ -16,6 +17,7 @@ from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
 from graspdb.commands.query import query
+from graspdb.commands.report import report
 from graspdb.commands.schema import schema
 from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
@@ -44,6 +46,8 @@ app.command()(schema)
 app.command()(sql)
 app.command()(query)
 app.command()(similar)
+app.command()(report)
+app.command()(explore)
 app.command()(view)
 app.add_typer(figure)
 app.command()(export)

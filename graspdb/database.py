@@ -1,6 +1,7 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -97,6 +98,24 @@ class Database:
             del self._engine
             self.__dict__.pop("_search", None)
 
+    def session(self, name: str) -> "Database":
+        """Return this state of the database with the rows of one session alone, as a database of its own.
+
+        Raises
+        ------
+        QueryError
+            There is no such session; the message names those there are.
+        """
+        from graspdb.kept_trials import keep_session
+
+        part = copy(self)
+        for cached in ("_engine", "_search"):
+            part.__dict__.pop(cached, None)
+        part.snapshot = replace(
+            self.snapshot, sources=keep_session(self._engine, self.snapshot.sources, name)
+        )
+        return part
+
     @property
     def tables(self) -> tuple[str, ...]:
         """Names of the tables."""
@@ -148,6 +167,18 @@ class Database:
             What the database holds does not allow an answer.
         """
         return named_query(name).run(self._engine, parameters)
+
+    def check_filter(self, where: str) -> None:
+        """Check that a text is one boolean SQL expression over the columns of `grasps`.
+
+        Raises
+        ------
+        QueryError
+            It is not.
+        """
+        from graspdb_queries.similar.where import check_filter
+
+        check_filter(self._engine, where)
 
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.
