@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -19,7 +19,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError
 from graspdb.store.bundle import Trial
 from graspdb.store.content import KEY_LENGTH
 from graspdb.store.fence import Patience, commit_properties, generation
-from graspdb.store.layout import first_line, read_trials
+from graspdb.store.layout import bring_up_to_date, first_line, read_rows
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
@@ -109,6 +109,8 @@ def commit_trials(
     keys = [trial.key for trial in trials]
     if len(set(keys)) != len(keys):
         raise ParameterError("trials", max(keys, key=keys.count), "each trial once")
+    for name, table in tables.items():
+        bring_up_to_date(root, name, table)
     patience = Patience(root)
     while True:
         state = _read(tables["trials"], trials)
@@ -143,8 +145,8 @@ def _read(table: DeltaTable, trials: Sequence[Trial]) -> _State:
     """Bring `trials` up to date and return what it says about a batch."""
     table.update_incremental()
     sessions = sorted({trial.session for trial in trials})
-    stored = read_trials(
-        table, ["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
+    stored = read_rows(
+        "trials", table, ["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
     )
     batch = stored.filter(pc.is_in(stored["trial"], pa.array([trial.key for trial in trials], pa.string())))
     input_keys = dict(zip(batch["trial"].to_pylist(), batch["input_key"].to_pylist(), strict=True))
@@ -206,9 +208,14 @@ def _trial_row(item: _Prepared, state: _State) -> pa.Table:
     """Return the row in `trials`; session-level rows that another writer has committed meanwhile win."""
     context = [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
     counts = [(name, table.num_rows) for name, table in item.trial.tables.items()]
-    row = item.trial.row.append_column("context", pa.array([context], pa.list_(pa.string()))).append_column(
-        "table_rows", pa.array([counts], pa.map_(pa.string(), pa.int32()))
-    )
+    added: dict[str, Any] = {
+        "context": context,
+        "table_rows": counts,
+        "table_hashes": list(item.trial.hashes.items()),
+    }
+    row = item.trial.row
+    for column, value in added.items():
+        row = row.append_column(column, pa.array([value], TABLES["trials"].field(column).type))
     return _stamped("trials", row, item.ingest_id)
 
 

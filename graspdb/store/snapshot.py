@@ -15,10 +15,10 @@ from deltalake.exceptions import DeltaError
 
 from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
-from graspdb.store.layout import first_line, open_table, read_trials
+from graspdb.store.layout import first_line, open_table, read_rows, written_format
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
-from graspdb_schemas.tables import SESSION_TABLES, TABLES, TRIAL_TABLES
+from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
 
 _PLAIN_NAME: Final = re.compile(r"[\w.-]+\.parquet")
 
@@ -91,7 +91,7 @@ def take_snapshot(root: Path) -> Snapshot:
             break
         trials = latest
         patience.pause()
-    rows = cache(lambda: read_trials(trials, ["ingest_id", "table_rows"]))
+    rows = cache(lambda: read_rows("trials", trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
         versions={name: table.version() for name, table in tables.items()},
@@ -101,7 +101,7 @@ def take_snapshot(root: Path) -> Snapshot:
 
 def committed_ids(trials: DeltaTable) -> CommittedIds:
     """Return the ingest_ids that a version of `trials` makes visible."""
-    rows = read_trials(trials, ["ingest_id", "context"])
+    rows = read_rows("trials", trials, ["ingest_id", "context"])
     context = rows["context"].combine_chunks().flatten().unique()
     return CommittedIds(rows["ingest_id"].combine_chunks().unique(), context)
 
@@ -181,8 +181,9 @@ def _source(
 ) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)
+    may_lack = written_format(table) < SCHEMA_VERSION
     if name == "trials":
-        return TableSource(files=tuple(files.paths.to_pylist()))
+        return TableSource(files=tuple(files.paths.to_pylist()), may_lack_columns=may_lack)
     seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
     files = TableFiles(
         *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
@@ -197,4 +198,5 @@ def _source(
         files=tuple(files.paths.filter(whole).to_pylist()),
         mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),
         committed=committed,
+        may_lack_columns=may_lack,
     )
