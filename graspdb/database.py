@@ -22,7 +22,7 @@ from graspdb_queries.similar.placed import GraspsOn
 from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
-from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+from graspdb_schemas.tables import TABLES
 
 EXPORTS: Final = ("duckdb",)
 """Forms that a database can be written in."""
@@ -295,7 +295,7 @@ class Database:
         rejected = self.sql("SELECT count(*) FROM trials WHERE status = 'rejected'").rows()[0][0]
         return Info(
             path=self.path,
-            format=SCHEMA_VERSION,
+            format=self.snapshot.format,
             rows=dict(self.sql(counts).rows()),
             versions=self.snapshot.versions,
             rejected=rejected,

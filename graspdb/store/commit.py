@@ -25,7 +25,7 @@ from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
 
-_ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
+ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
 
 
 class Outcome(StrEnum):
@@ -259,7 +259,7 @@ def write_rows(
     """Append rows, or put them in the place of those that a predicate names, in one Delta commit."""
     try:
         if predicate is None:
-            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=_ZSTD)
+            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=ZSTD)
         else:
             write_deltalake(
                 table,
@@ -267,7 +267,7 @@ def write_rows(
                 mode="overwrite",
                 predicate=predicate,
                 commit_properties=properties,
-                writer_properties=_ZSTD,
+                writer_properties=ZSTD,
             )
     except CommitFailedError:
         raise

@@ -18,6 +18,8 @@ AsOf = int | datetime
 
 _ACTIONS: Final = {
     "CREATE TABLE": "create",
+    "WRITE": "ingest",
+    "DELETE": "remove",
     "OPTIMIZE": "compact",
     "VACUUM START": "vacuum",
     "VACUUM END": "vacuum",

@@ -16,7 +16,7 @@ from deltalake.exceptions import DeltaError
 from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
 from graspdb.store.history import AsOf, tables_as_of
-from graspdb.store.layout import first_line, open_table, read_rows, written_format
+from graspdb.store.layout import first_line, open_table, read_rows, stored_format, written_format
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
@@ -32,6 +32,8 @@ class Snapshot:
     ----------
     path : Path
         The database's folder.
+    format : int
+        Version of its format.
     versions : mapping of str to int
         Version of each table.
     sources : mapping of str to TableSource
@@ -39,6 +41,7 @@ class Snapshot:
     """
 
     path: Path
+    format: int
     versions: Mapping[str, int]
     sources: Mapping[str, TableSource]
 
@@ -85,18 +88,23 @@ def take_snapshot(root: Path, as_of: AsOf | None = None) -> Snapshot:
     ParameterError
         There was no such state.
     """
-    tables = _latest_tables(root) if as_of is None else tables_as_of(root, as_of)
+    return snapshot_of(root, latest_tables(root) if as_of is None else tables_as_of(root, as_of))
+
+
+def snapshot_of(root: Path, tables: Mapping[str, DeltaTable]) -> Snapshot:
+    """Return the snapshot that open tables are."""
     trials = tables["trials"]
     ids = committed_ids(trials)
     rows = cache(lambda: read_rows("trials", trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
+        format=stored_format(trials),
         versions={name: table.version() for name, table in tables.items()},
         sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
     )
 
 
-def _latest_tables(root: Path) -> dict[str, DeltaTable]:
+def latest_tables(root: Path) -> dict[str, DeltaTable]:
     """Open every table so that together they are one state."""
     patience = Patience(root)
     trials = open_table(root, "trials")
