@@ -5,8 +5,8 @@ with SIGKILL after a random time. Then the database has to open and to be whole,
 bring it to the very content of one that was never disturbed. Every fifth round begins without a database, so
 that its creation is interrupted, too.
 
-What the trials come to is computed once; from then on the workers hand over these rows, so that a round spends
-its time where a kill could do harm: in `graspdb.ingest`, between and within its commits.
+What the trials come to is computed once; from then on the workers hand over these rows, so that a round
+spends its time where a kill could do harm: in `graspdb.ingest`, between and within its commits.
 """
 
 import argparse
@@ -114,12 +114,12 @@ def one_round(bench: Bench, number: int, rng: random.Random) -> Round:
     faults: list[str] = []
     committed, dead = None, 0
     try:
-        found = graspdb.verify(db)
-        faults += [f"before: {name}: {p}" for name, table in found.tables.items() for p in table.problems]
-        dead = sum(table.dead_rows for table in found.tables.values())
         with graspdb.open(db) as database:
             row = database.sql("SELECT count(*) FILTER (session = 'tiny') FROM trials").rows()[0]
             committed = int(row[0])
+        found = graspdb.verify(db)
+        faults += [f"before: {name}: {p}" for name, table in found.tables.items() for p in table.problems]
+        dead = sum(table.dead_rows for table in found.tables.values())
     except DatabaseError as error:
         if not from_nothing:
             faults.append(f"before: {error}")

@@ -241,11 +241,12 @@ def append_rows(root: Path, name: str, table: DeltaTable, rows: pa.Table) -> Non
     """Append rows to a table whose rows stay unseen until `trials` names their ingest_id."""
     patience = Patience(root)
     while True:
+        # A table that was opened before its log was shortened could not be written to.
+        table.update_incremental()
         try:
             return write_rows(root, name, table, rows, CommitProperties(max_commit_retries=100), None)
         except CommitFailedError:
             patience.pause()
-            table.update_incremental()
 
 
 def write_rows(
