@@ -14,7 +14,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError
 from graspdb.store.commit import ZSTD
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import LOG_RETENTION_KEY, bring_up_to_date, first_line
-from graspdb.store.lock import alone
+from graspdb.store.lock import alone, writing
 from graspdb.store.sweep import sweep
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
@@ -79,8 +79,9 @@ def optimize(root: Path, tables: Mapping[str, DeltaTable], retention_hours: int)
         bring_up_to_date(root, name, table)
     before = {name: len(table.file_uris()) for name, table in tables.items()}
     swept = sweep(root, tables)
-    for name in TABLES:
-        _compact(root, name, tables[name])
+    with writing(root):
+        for name in TABLES:
+            _compact(root, name, tables[name])
     after = {name: len(table.file_uris()) for name, table in tables.items()}
     with alone(root) if retention_hours < SAFE_RETENTION else nullcontext():
         vacuumed = {name: _forget(root, name, tables[name], retention_hours) for name in TABLES}

@@ -73,7 +73,10 @@ def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
     table.update_incremental()
     files = table_files(root, name, table)
     mixed = files.paths.filter(pc.invert(files.single)).to_pylist()
-    columns = (pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"] for path in mixed)
+    # Files that a delete has rewritten hold texts of another Arrow type.
+    columns = (
+        pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"].cast(pa.string()) for path in mixed
+    )
     ids = [files.least.filter(files.single), *(column.unique() for column in columns)]
     return pa.chunked_array(ids, pa.string()).unique()
 
