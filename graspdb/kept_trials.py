@@ -31,6 +31,7 @@ def keep_trials(
         name: TableSource(
             mixed_files=(*source.files, *source.mixed_files),
             committed=context if name in SESSION_TABLES else trials,
+            may_lack_columns=source.may_lack_columns,
         )
         for name, source in sources.items()
     }

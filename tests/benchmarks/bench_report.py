@@ -5,7 +5,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from harness import Result, benchmark
-from many_trials import SESSION, build
+from long_session import SESSION, build
 
 import graspdb
 from graspdb.report import write_report
