@@ -20,7 +20,7 @@ _LEGEND: Final = (
     (palette.CONTACT, "contacts and normals"),
 )
 
-_CAPTION: Final = 16.0
+_CAPTION: Final = 18.0
 """Height that title and legend take [mm]."""
 
 
@@ -40,7 +40,7 @@ def snapshot_figure(database: Database, path: Path, key: str) -> None:
         bare(axes)
         size = pixels(COLUMN)
         axes.imshow(picture(scene, size, size), interpolation="lanczos")
-        axes.set_title(f"{key}\n{subtitle(scene)}")
+        figure.suptitle(f"{key}\n{subtitle(scene)}", fontsize=7.5)
         add_legend(figure, columns=2)
 
 

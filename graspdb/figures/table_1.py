@@ -30,10 +30,12 @@ def table_1_figure(database: Database, path: Path) -> None:
         ]
         for pair in pairs
     ]
-    with canvas(path, min(PAGE, 45 + 30 * len(subjects)), 14 + 6 * len(pairs)) as figure:
+    with canvas(path, min(PAGE, 45 + 30 * len(subjects)), 18 + 6 * len(pairs)) as figure:
         axes = figure.add_subplot()
         axes.axis("off")
-        axes.set_title("Errors of contact points [mm]: mean distance to the centre of pressure")
+        figure.suptitle(
+            "Mean distance of contact points to\ncentres of pressure, by digit [mm]", fontsize=7.5
+        )
         table = axes.table(
             cells,
             rowLabels=[pair.replace("+", "/") for pair in pairs],
