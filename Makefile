@@ -1,7 +1,7 @@
 # Every target makes the environment in .venv first, system libraries included, where that is not done yet.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-lowest lint types bench check-exports check-export-files docs lock clean
+.PHONY: help setup demo test test-lowest lint types bench kill check-exports check-export-files docs lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' Makefile
@@ -32,6 +32,9 @@ types: setup ## check types
 
 bench: setup ## run the benchmarks, or NAME="similar speed" alone; print a table, write bench.json
 	.venv/bin/python tests/benchmarks/run.py $(if $(NAME),"$(NAME)")
+
+kill: setup ## kill 200 ingests, or N=20, at random moments, and see that nothing is lost
+	.venv/bin/python tests/kill_ingest.py $(N)
 
 check-exports: setup ## read exports with lerobot, robomimic and others, in an environment of its own (6 GB)
 	tools/check_exports.sh

@@ -1,7 +1,8 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
+from graspdb.store.history import AsOf, Change, read_history
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
@@ -21,7 +23,7 @@ from graspdb_queries.similar.placed import GraspsOn
 from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
-from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+from graspdb_schemas.tables import TABLES
 
 if TYPE_CHECKING:
     from graspdb.export.run import ExportReport, Progress
@@ -64,6 +66,9 @@ class Database:
     ----------
     path : str or path
         The database's folder.
+    as_of : int or datetime, optional
+        A version that ``graspdb info --history`` names, or a time, for the state that there was then; the
+        latest unless given. A time without a zone is local.
 
     Attributes
     ----------
@@ -75,12 +80,14 @@ class Database:
     Raises
     ------
     DatabaseError
-        The folder is no database, one of a newer format, or damaged.
+        The folder is no database, one of a newer format, or damaged; or the earlier state is no longer kept.
+    ParameterError
+        There was no such state.
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(self, path: str | PathLike[str], *, as_of: AsOf | None = None) -> None:
         self.path = Path(path)
-        self.snapshot: Snapshot = take_snapshot(self.path)
+        self.snapshot: Snapshot = take_snapshot(self.path, as_of)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -96,6 +103,24 @@ class Database:
             self._engine.close()
             del self._engine
             self.__dict__.pop("_search", None)
+
+    def session(self, name: str) -> "Database":
+        """Return this state of the database with the rows of one session alone, as a database of its own.
+
+        Raises
+        ------
+        QueryError
+            There is no such session; the message names those there are.
+        """
+        from graspdb.kept_trials import keep_session
+
+        part = copy(self)
+        for cached in ("_engine", "_search"):
+            part.__dict__.pop(cached, None)
+        part.snapshot = replace(
+            self.snapshot, sources=keep_session(self._engine, self.snapshot.sources, name)
+        )
+        return part
 
     @property
     def tables(self) -> tuple[str, ...]:
@@ -149,6 +174,18 @@ class Database:
         """
         return named_query(name).run(self._engine, parameters)
 
+    def check_filter(self, where: str) -> None:
+        """Check that a text is one boolean SQL expression over the columns of `grasps`.
+
+        Raises
+        ------
+        QueryError
+            It is not.
+        """
+        from graspdb_queries.similar.where import check_filter
+
+        check_filter(self._engine, where)
+
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.
 
@@ -157,7 +194,7 @@ class Database:
         QueryError
             There is no such grasp; the message names those with names like it.
         """
-        return read_grasp(self._engine, key)
+        return replace(read_grasp(self._engine, key), database=self)
 
     def export(
         self,
@@ -311,12 +348,16 @@ class Database:
         rejected = self.sql("SELECT count(*) FROM trials WHERE status = 'rejected'").rows()[0][0]
         return Info(
             path=self.path,
-            format=SCHEMA_VERSION,
+            format=self.snapshot.format,
             rows=dict(self.sql(counts).rows()),
             versions=self.snapshot.versions,
             rejected=rejected,
             several_versions=tuple(row[0] for row in self.sql(_SEVERAL_VERSIONS).rows()),
         )
+
+    def history(self) -> tuple[Change, ...]:
+        """Return the versions of the database whose log is kept, the latest first."""
+        return read_history(self.path)
 
     @cached_property
     def _engine(self) -> Engine:

@@ -1,8 +1,8 @@
 """One grasp with its arrays."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from graspdb_queries.engine import Engine
 from graspdb_schemas.errors import QueryError, nearest
 from graspdb_schemas.vocabulary import N_Q, N_SITES
+
+if TYPE_CHECKING:
+    from graspdb.database import Database
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +54,8 @@ class Grasp:
         Descriptor of the feature.
     quality : mapping of str to float
         Grasp quality indices by name.
+    database : Database or None
+        Where it comes from, which its picture in a notebook is made of; copies in other processes have none.
 
     Numbers that are missing are NaN; an array that is missing as a whole has no rows, or is all NaN.
     """
@@ -79,6 +84,16 @@ class Grasp:
     feature_normals: Floats
     descriptor: Floats
     quality: Mapping[str, float]
+    database: "Database | None" = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "database": None}
+
+    def _repr_html_(self) -> str:
+        """Return facts and, where its database is at hand, a picture, for a notebook."""
+        from graspdb.view.notebook import grasp_html
+
+        return grasp_html(self)
 
 
 def read_grasp(engine: Engine, key: str) -> Grasp:

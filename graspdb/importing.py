@@ -20,6 +20,7 @@ from graspdb_ingest.importers.options import check_options
 from graspdb_ingest.importers.registry import importer, with_suggestion
 from graspdb_ingest.importers.session import imported_session_rows
 from graspdb_ingest.importers.survey import SurveyedSubject, survey
+from graspdb_ingest.input_key import input_key
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.trial_tables import TrialTables
@@ -115,11 +116,11 @@ def _refuse_twice(sources: Sequence[ClipSource]) -> None:
 def _to_do(
     job: ImportJob, sources: Sequence[ClipSource], store: Store, force: bool
 ) -> tuple[list[ClipSource], list[TrialReport]]:
-    known = {} if force else store.committed_input_keys()
+    known = {} if force else store.committed_input_keys(job.session)
     todo, unchanged = [], []
     for source in sources:
         trial = f"{job.session}/{source.name}"
-        if trial in known and known[trial] == job.key(source):
+        if trial in known and known[trial] == input_key(job.inputs(source)):
             unchanged.append(TrialReport(trial, Outcome.UNCHANGED, None, (), None))
         else:
             todo.append(source)

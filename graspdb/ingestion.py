@@ -9,7 +9,8 @@ from typing import TypeVar
 from joblib import Parallel, delayed
 
 from graspdb.store import Outcome, Store
-from graspdb_ingest.input_key import input_key
+from graspdb_ingest.calibration_set import keep_calibrations
+from graspdb_ingest.input_key import hand_inputs, input_key, session_inputs
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.pipeline import Context, process_trial
 from graspdb_ingest.prepare import PreparedHand, prepare_hand
@@ -125,11 +126,14 @@ def ingest(
     parameters = parameters or IngestParameters()
     described = parse_manifest(Path(session), None if data_root is None else Path(data_root))
     store = Store.create_or_open(db)
-    todo, reports = _to_do(described, store, parameters, force)
+    if not force:
+        described = with_kept_hands(described, store, parameters)
+    inputs = session_inputs(described, parameters)
+    todo, reports = _to_do(described, store, inputs, force)
     prepared = _prepare(described, todo, parameters, workers)
     if todo:
         store.commit_session(session_rows(described, prepared.good_hands, prepared.good_objects))
-    contexts = {trial.name: prepared.context(described, trial) for trial in todo}
+    contexts = {trial.name: prepared.context(described, trial, inputs[trial.name]) for trial in todo}
     for rows in _processed(described, todo, contexts, parameters, workers):
         committed = store.commit_trial(rows, force=force)
         report = trial_report(rows, committed.outcome)
@@ -139,14 +143,22 @@ def ingest(
     return IngestReport(described.id, Path(db), tuple(reports))
 
 
+def with_kept_hands(session: Session, store: Store, parameters: IngestParameters) -> Session:
+    """Let subjects keep the recordings that their hands in the database were calibrated from."""
+    if all(subject.calibration for subject in session.subjects.values()):
+        return session
+    hands = store.calibrated_hands(session.id)
+    return keep_calibrations(session, hands, hand_inputs(session, parameters)) if hands else session
+
+
 def _to_do(
-    session: Session, store: Store, parameters: IngestParameters, force: bool
+    session: Session, store: Store, inputs: Mapping[str, Mapping[str, str]], force: bool
 ) -> tuple[list[SessionTrial], list[TrialReport]]:
-    known = store.committed_input_keys()
+    known = {} if force else store.committed_input_keys(session.id)
     todo, unchanged = [], []
     for trial in session.trials:
         key = f"{session.id}/{trial.name}"
-        if not force and known.get(key) == input_key(session, trial, parameters):
+        if known.get(key) == input_key(inputs[trial.name]):
             unchanged.append(TrialReport(key, Outcome.UNCHANGED, None, (), None))
         else:
             todo.append(trial)
@@ -175,7 +187,7 @@ class _Prepared:
     def good_objects(self) -> list[PreparedObject]:
         return [thing for thing in self.objects.values() if isinstance(thing, PreparedObject)]
 
-    def context(self, session: Session, trial: SessionTrial) -> Context:
+    def context(self, session: Session, trial: SessionTrial, inputs: Mapping[str, str]) -> Context:
         """Return what a trial stands on."""
         hands = {side: self.hands[trial.subject, side] for side in session.sides_of(trial)}
         thing = None if trial.object is None else self.objects.get(trial.object)
@@ -183,6 +195,7 @@ class _Prepared:
             hands={side: hand for side, hand in hands.items() if isinstance(hand, PreparedHand)},
             object=thing if isinstance(thing, PreparedObject) else None,
             problems=tuple(part.text for part in (*hands.values(), thing) if isinstance(part, _Problem)),
+            inputs=inputs,
         )
 
 

@@ -28,6 +28,10 @@ def ingest(
     surface: Annotated[
         str, typer.Option(metavar="NAME", help="Surface of the hand: spheres, capsules or skin.")
     ] = "spheres",
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Say for each trial what would be done and why; write nothing."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Turn sessions into rows: track, find contacts and features, commit trial by trial.
@@ -35,6 +39,9 @@ def ingest(
     Unchanged trials are skipped. A trial that cannot be used is stored as rejected, with its
     reasons, and the exit status is 1.
     """
+    if explain:
+        _explain(sessions, db, data_root, force, surface, as_json)
+        return
     reports = [
         run_with_progress(session, db, workers=workers, data_root=data_root, force=force, surface=surface)
         for session in sessions
@@ -46,6 +53,35 @@ def ingest(
             typer.echo(summary(report))
     if any(report.rejected for report in reports):
         raise typer.Exit(1)
+
+
+def _explain(
+    sessions: list[Path], db: Path, data_root: Path | None, force: bool, surface: str, as_json: bool
+) -> None:
+    """Print what would be done with each trial, and why."""
+    from graspdb.explaining import explain_ingest
+    from graspdb_ingest.parameters import ContactParameters, IngestParameters
+
+    parameters = IngestParameters(contact=ContactParameters(surface=surface))
+    plans = [
+        plan
+        for session in sessions
+        for plan in explain_ingest(session, db, data_root=data_root, force=force, parameters=parameters)
+    ]
+    if as_json:
+        typer.echo(json.dumps([asdict(plan) for plan in plans], indent=2))
+        return
+    for plan in plans:
+        typer.echo(f"{plan.action:<5} {plan.trial}")
+        for reason in plan.reasons:
+            typer.echo(f"        {reason}")
+    counts = {
+        action: sum(plan.action == action for plan in plans)
+        for action in dict.fromkeys(p.action for p in plans)
+    }
+    typer.echo(
+        f"{len(plans)} trials: " + (", ".join(f"{n} to {action}" for action, n in counts.items()) or "none")
+    )
 
 
 def run_with_progress(

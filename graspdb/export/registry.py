@@ -107,7 +107,9 @@ class Format:
     part : int
         Items of a part.
     library : str
-        Module that it needs and that is not always there; empty if none. The extra ``export`` has it.
+        Module that it needs and that is not always there; empty if none.
+    extra : str
+        The extra that has this library.
     """
 
     name: str
@@ -116,6 +118,7 @@ class Format:
     options: tuple[str, ...] = ()
     part: int = 64
     library: str = ""
+    extra: str = "export"
 
 
 class Writer(ABC, Generic[Item]):

@@ -140,7 +140,7 @@ def _check(form: Format, options: ExportOptions) -> None:
             raise ParameterError(name, value, f"nothing, for format {form.name} does not heed it")
     if form.library and find_spec(form.library) is None:
         raise MissingLibraryError(
-            form.library, "it is not installed", "Install it: pip install 'graspdb[export]'"
+            form.library, "it is not installed", f"Install it: pip install 'graspdb[{form.extra}]'"
         )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
-from graspdb.store.content import Unit, units
+from graspdb.store.content import Unit, content_key, units
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import ParameterError
 from graspdb_schemas.tables import TRIAL_TABLES
@@ -25,6 +25,8 @@ class Trial:
         Its rows in the other tables; tables without rows are left out.
     units : tuple of Unit
         The session-level rows it stands on.
+    hashes : mapping of str to str
+        Content keys of its row in `trials` and of its rows in the other tables.
     """
 
     key: str
@@ -33,6 +35,7 @@ class Trial:
     row: pa.Table
     tables: Mapping[str, pa.Table]
     units: tuple[Unit, ...]
+    hashes: Mapping[str, str]
 
 
 def as_trial(rows: TrialTables, shared: Mapping[str, Sequence[Unit]]) -> Trial:
@@ -72,4 +75,5 @@ def as_trial(rows: TrialTables, shared: Mapping[str, Sequence[Unit]]) -> Trial:
         row=row,
         tables=tables,
         units=tuple(unit for unit in candidates if unit.belongs_to(values)),
+        hashes={name: content_key({name: table}) for name, table in {"trials": row, **tables}.items()},
     )

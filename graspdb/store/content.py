@@ -5,8 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+
+from graspdb_schemas.tables import ROW_KEYS
 
 if TYPE_CHECKING:
     from hashlib import _Hash
@@ -58,13 +61,30 @@ def units(tables: Mapping[str, pa.Table]) -> Iterator[Unit]:
 
 
 def content_key(tables: Mapping[str, pa.Table]) -> str:
-    """Return a key of the content of tables: of names, types and values, not of memory layout."""
+    """Return a key of the content of tables: of names, types and values.
+
+    Layout in memory does not matter, nor does the order of rows that have a key of their own. A column
+    without a value is left out, so that rows keep their keys when a later format adds columns.
+    """
     digest = hashlib.sha256()
     for name in sorted(tables):
-        for column in tables[name].column_names:
-            digest.update(f"{name}.{column}".encode())
-            _update(digest, tables[name][column].combine_chunks())
+        table = _ordered(name, tables[name])
+        digest.update(f"{name}:{table.num_rows}".encode())
+        for column in table.column_names:
+            array = table[column].combine_chunks()
+            if array.null_count < len(array):
+                digest.update(f"{name}.{column}".encode())
+                _update(digest, array)
     return digest.hexdigest()[:KEY_LENGTH]
+
+
+def _ordered(name: str, table: pa.Table) -> pa.Table:
+    """Return a table with its rows in the order of their keys."""
+    keys = ROW_KEYS.get(name)
+    if keys is None or table.num_rows < 2:
+        return table
+    order = pc.sort_indices(table, sort_keys=[(key, "ascending") for key in keys]).to_numpy()
+    return table if (np.diff(order.astype(np.int64)) > 0).all() else table.take(order)
 
 
 def _matching(table: pa.Table, named: Mapping[str, str]) -> pa.Table:
@@ -87,6 +107,10 @@ def _update(digest: "_Hash", array: pa.Array) -> None:
     elif pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
         zero = pa.scalar(0).cast(kind)
         digest.update(pc.fill_null(array, zero).to_numpy(zero_copy_only=False).tobytes())
+    elif pa.types.is_string(kind):
+        lengths = pc.fill_null(pc.binary_length(array), 0)
+        digest.update(lengths.to_numpy(zero_copy_only=False).tobytes())
+        digest.update(b"".join(pc.drop_null(array).cast(pa.binary()).to_pylist()))
     else:
         for value in array.to_pylist():
             digest.update(repr(value).encode())

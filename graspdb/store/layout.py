@@ -16,6 +16,12 @@ from graspdb_schemas.tables import SCHEMA_VERSION, TABLE_DOCS, TABLES
 FORMAT_KEY: Final = "graspdb.format"
 """Table property that holds the format version."""
 
+FIRST_FORMAT_KEY: Final = "graspdb.first_format"
+"""Table property that holds the format that a table had before it was brought up to date."""
+
+LOG_RETENTION_KEY: Final = "delta.logRetentionDuration"
+"""Table property that says how long entries of the log are kept."""
+
 _KEYS: Final = ("ingest_id", "session", "trial", "grasp", "subject", "object", "frame")
 """Columns of which the log keeps the least and greatest value of each file."""
 
@@ -81,11 +87,60 @@ def open_table(root: Path, name: str, version: int | None = None) -> DeltaTable:
     return table
 
 
-def read_trials(trials: DeltaTable, columns: list[str], predicate: str | None = None) -> pa.Table:
-    """Return columns of `trials` at its loaded version, with the declared types."""
-    declared = pa.schema([TABLES["trials"].field(column) for column in columns])
-    rows = pa.table(trials.scan(columns=columns, predicate=predicate).read_all())
+def read_rows(name: str, table: DeltaTable, columns: list[str], predicate: str | None = None) -> pa.Table:
+    """Return columns of a table at its loaded version, with the declared types.
+
+    A column that the table's format did not have yet is null.
+    """
+    stored = {field.name for field in table.schema().fields}
+    rows = pa.table(table.scan(columns=[c for c in columns if c in stored], predicate=predicate).read_all())
+    for column in columns:
+        if column not in stored:
+            rows = rows.append_column(column, pa.nulls(rows.num_rows, TABLES[name].field(column).type))
+    declared = pa.schema([TABLES[name].field(column) for column in columns])
     return rows.select(columns).cast(declared).combine_chunks()
+
+
+def stored_format(table: DeltaTable) -> int:
+    """Return the format of a table that has been opened."""
+    return int(table.metadata().configuration[FORMAT_KEY])
+
+
+def written_format(table: DeltaTable) -> int:
+    """Return the oldest format that files of a table may have."""
+    properties = table.metadata().configuration
+    return int(properties.get(FIRST_FORMAT_KEY, properties[FORMAT_KEY]))
+
+
+def bring_up_to_date(root: Path, name: str, table: DeltaTable) -> None:
+    """Add the columns that a table of an older format lacks, so that rows of this format can be written.
+
+    Files stay as they are. Any number of processes may do so at once.
+
+    Raises
+    ------
+    DatabaseError
+        The table cannot be changed.
+    """
+    while stored_format(table) < SCHEMA_VERSION:
+        try:
+            stored = {field.name for field in table.schema().fields}
+            missing = [field for field in _delta_fields(name) if field.name not in stored]
+            if missing:
+                table.alter.add_columns(missing)
+            table.alter.set_table_properties(
+                {FORMAT_KEY: str(SCHEMA_VERSION), FIRST_FORMAT_KEY: str(written_format(table))},
+                raise_if_not_exists=False,
+            )
+        except (DeltaError, OSError) as error:
+            before = table.version()
+            table.update_incremental()
+            if table.version() == before:
+                raise DatabaseError(
+                    root,
+                    f"table {name!r} cannot be brought to format {SCHEMA_VERSION}: {first_line(error)}",
+                    "What was committed before is safe; free space or permissions, then run again.",
+                ) from error
 
 
 def check_path(root: Path) -> None:
@@ -169,18 +224,19 @@ def _check_format(root: Path, name: str, table: DeltaTable) -> None:
             "Install a newer graspdb.",
         )
     columns = {field.name: str(field.type) for field in table.schema().fields}
-    declared = _declared_columns(name)
-    differing = [column for column in declared if columns.get(column) != declared[column]]
-    if differing:
-        raise DatabaseError(
-            root,
-            f"table {name!r} has no column {differing[0]!r} of the declared type",
-            "It was written by another version of graspdb; ingest the sessions into a new folder.",
-        )
+    may_lack = int(stored) < SCHEMA_VERSION
+    for field in _delta_fields(name):
+        lacking = field.name not in columns and may_lack and field.nullable
+        if columns.get(field.name) != str(field.type) and not lacking:
+            raise DatabaseError(
+                root,
+                f"table {name!r} has no column {field.name!r} of the declared type",
+                "It was written by another version of graspdb; ingest the sessions into a new folder.",
+            )
 
 
 @cache
-def _declared_columns(name: str) -> dict[str, str]:
-    """Return the declared columns of a table with their Delta Lake types."""
+def _delta_fields(name: str) -> list[deltalake.Field]:
+    """Return the declared columns of a table as Delta Lake has them."""
     plain = pa.schema([field.remove_metadata() for field in TABLES[name]])
-    return {field.name: str(field.type) for field in deltalake.Schema.from_arrow(plain).fields}
+    return list(deltalake.Schema.from_arrow(plain).fields)

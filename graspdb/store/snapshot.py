@@ -15,10 +15,11 @@ from deltalake.exceptions import DeltaError
 
 from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
-from graspdb.store.layout import first_line, open_table, read_trials
+from graspdb.store.history import AsOf, tables_as_of
+from graspdb.store.layout import first_line, open_table, read_rows, stored_format, written_format
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
-from graspdb_schemas.tables import SESSION_TABLES, TABLES, TRIAL_TABLES
+from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
 
 _PLAIN_NAME: Final = re.compile(r"[\w.-]+\.parquet")
 
@@ -31,6 +32,8 @@ class Snapshot:
     ----------
     path : Path
         The database's folder.
+    format : int
+        Version of its format.
     versions : mapping of str to int
         Version of each table.
     sources : mapping of str to TableSource
@@ -38,6 +41,7 @@ class Snapshot:
     """
 
     path: Path
+    format: int
     versions: Mapping[str, int]
     sources: Mapping[str, TableSource]
 
@@ -69,8 +73,8 @@ class CommittedIds:
         )
 
 
-def take_snapshot(root: Path) -> Snapshot:
-    """Pin one version of every table.
+def take_snapshot(root: Path, as_of: AsOf | None = None) -> Snapshot:
+    """Pin one version of every table: the latest, or those of an earlier state; see `tables_as_of`.
 
     `trials` is pinned first, so that the rows of every trial in it were written before the other tables
     are pinned. If by then a trial has been replaced or removed, a sweep may have taken its rows already,
@@ -79,29 +83,43 @@ def take_snapshot(root: Path) -> Snapshot:
     Raises
     ------
     DatabaseError
-        The folder is no database, or is damaged, or trials are replaced without end.
+        The folder is no database, or is damaged, or trials are replaced without end; or the earlier
+        state is no longer kept.
+    ParameterError
+        There was no such state.
     """
-    patience = Patience(root)
-    trials = open_table(root, "trials")
-    while True:
-        ids = committed_ids(trials)
-        tables = {name: trials if name == "trials" else open_table(root, name) for name in TABLES}
-        latest = open_table(root, "trials")
-        if latest.version() == trials.version() or ids.all_in(committed_ids(latest)):
-            break
-        trials = latest
-        patience.pause()
-    rows = cache(lambda: read_trials(trials, ["ingest_id", "table_rows"]))
+    return snapshot_of(root, latest_tables(root) if as_of is None else tables_as_of(root, as_of))
+
+
+def snapshot_of(root: Path, tables: Mapping[str, DeltaTable]) -> Snapshot:
+    """Return the snapshot that open tables are."""
+    trials = tables["trials"]
+    ids = committed_ids(trials)
+    rows = cache(lambda: read_rows("trials", trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
+        format=stored_format(trials),
         versions={name: table.version() for name, table in tables.items()},
         sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
     )
 
 
+def latest_tables(root: Path) -> dict[str, DeltaTable]:
+    """Open every table so that together they are one state."""
+    patience = Patience(root)
+    trials = open_table(root, "trials")
+    while True:
+        tables = {name: trials if name == "trials" else open_table(root, name) for name in TABLES}
+        latest = open_table(root, "trials")
+        if latest.version() == trials.version() or committed_ids(trials).all_in(committed_ids(latest)):
+            return tables
+        trials = latest
+        patience.pause()
+
+
 def committed_ids(trials: DeltaTable) -> CommittedIds:
     """Return the ingest_ids that a version of `trials` makes visible."""
-    rows = read_trials(trials, ["ingest_id", "context"])
+    rows = read_rows("trials", trials, ["ingest_id", "context"])
     context = rows["context"].combine_chunks().flatten().unique()
     return CommittedIds(rows["ingest_id"].combine_chunks().unique(), context)
 
@@ -181,8 +199,9 @@ def _source(
 ) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)
+    may_lack = written_format(table) < SCHEMA_VERSION
     if name == "trials":
-        return TableSource(files=tuple(files.paths.to_pylist()))
+        return TableSource(files=tuple(files.paths.to_pylist()), may_lack_columns=may_lack)
     seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
     files = TableFiles(
         *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
@@ -197,4 +216,5 @@ def _source(
         files=tuple(files.paths.filter(whole).to_pylist()),
         mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),
         committed=committed,
+        may_lack_columns=may_lack,
     )

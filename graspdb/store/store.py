@@ -9,10 +9,19 @@ from deltalake import DeltaTable
 
 from graspdb.store.bundle import as_trial
 from graspdb.store.commit import Committed, commit_trials
+from graspdb.store.committed import (
+    CommittedTrial,
+    calibrated_hands,
+    committed_input_keys,
+    committed_trials,
+)
 from graspdb.store.content import Unit, units
-from graspdb.store.layout import create, open_table, read_trials
+from graspdb.store.layout import create, open_table
+from graspdb.store.optimize import SAFE_RETENTION, OptimizedTable, optimize
+from graspdb.store.remove import Kind, Removed, remove
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb.store.sweep import sweep
+from graspdb_ingest.calibration_set import CalibratedHand
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.tables import TABLES
 
@@ -59,15 +68,20 @@ class Store:
         create(Path(path))
         return cls.open(path)
 
-    def committed_input_keys(self) -> dict[str, str]:
-        """Return what each committed trial was made from: trial -> input_key.
+    def committed_input_keys(self, session: str) -> dict[str, str]:
+        """Return what each committed trial of a session was made from: trial -> input_key.
 
         A trial whose input_key would be the same again need not be ingested again.
         """
-        trials = self._tables["trials"]
-        trials.update_incremental()
-        rows = read_trials(trials, ["trial", "input_key"])
-        return dict(zip(rows["trial"].to_pylist(), rows["input_key"].to_pylist(), strict=True))
+        return committed_input_keys(self._up_to_date("trials"), session)
+
+    def committed_trials(self, session: str) -> dict[str, CommittedTrial]:
+        """Return what each committed trial of a session was made from, part by part: trial -> parts."""
+        return committed_trials(self._up_to_date("trials"), self._up_to_date("hands"), session)
+
+    def calibrated_hands(self, session: str) -> list[CalibratedHand]:
+        """Return the hands that committed trials of a session stand on, the one committed last first."""
+        return calibrated_hands(self._up_to_date("trials"), self._up_to_date("hands"), session)
 
     def commit_session(self, rows: TrialTables) -> None:
         """Take in the rows of a session that its trials stand on.
@@ -135,3 +149,15 @@ class Store:
             The database cannot be written, or other writers leave no turn.
         """
         return sweep(self.path, self._tables)
+
+    def remove(self, kind: Kind, keys: Sequence[str]) -> Removed:
+        """Take trials, sessions or subjects out; see `remove`."""
+        return remove(self.path, self._tables, kind, keys)
+
+    def optimize(self, retention_hours: int = SAFE_RETENTION) -> dict[str, OptimizedTable]:
+        """Sweep, join small files and delete old ones; see `optimize`."""
+        return optimize(self.path, self._tables, retention_hours)
+
+    def _up_to_date(self, name: str) -> DeltaTable:
+        self._tables[name].update_incremental()
+        return self._tables[name]

@@ -94,6 +94,7 @@ class SceneReader:
         nodes[ELBOW] = _elbow(snapshot, nodes[WRIST])
         up = None if row["up"] is None else np.array(row["up"], dtype=float)
         frames = self._frames(key, row["snapshot_time"], hand) if motion else None
+        surface = self._surface(row, grasp.object)
         times = Times(row["onset_time"], row["lift_time"], row["release_time"])
         return Scene(
             grasp=grasp,
@@ -101,10 +102,10 @@ class SceneReader:
             repetition=row["repetition"],
             grasp_type=row["grasp_type"],
             threshold=row["contact_threshold"],
-            surface=self._surface(row, grasp.object),
+            surface=surface,
             nodes=nodes,
             radii=_radii(row["radii"]),
-            contact_map=self._contact_map(key),
+            contact_map=self._contact_map(key, len(surface.points)),
             up=_object_up(up, snapshot),
             motion=None if frames is None else read_motion(frames, row["snapshot_frame"], nodes, up, times),
         )
@@ -139,14 +140,15 @@ class SceneReader:
             self._surfaces[cloud] = ObjectSurface(points, normals, areas, faces)
         return self._surfaces[cloud]
 
-    def _contact_map(self, key: str) -> ContactMap | None:
+    def _contact_map(self, key: str, n_points: int) -> ContactMap | None:
         rows = self.database.sql(
             "SELECT points, gaps, surface FROM contact_maps WHERE grasp = $grasp", grasp=key
         ).rows()
         if not rows or rows[0][0] is None or rows[0][1] is None:
             return None
-        points, gaps, surface = rows[0]
-        return ContactMap(np.array(points, dtype=np.int32), np.array(gaps, dtype=float), str(surface or ""))
+        points, gaps = np.array(rows[0][0], dtype=np.int32), np.array(rows[0][1], dtype=float)
+        there = points < n_points
+        return ContactMap(points[there], gaps[there], str(rows[0][2] or ""))
 
 
 def read_scene(database: Database, key: str, *, motion: bool = True) -> Scene:

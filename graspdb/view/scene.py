@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graspdb.grasp import Grasp
+from graspdb_ingest.rigid import rotations_from_quaternions
 from graspdb_schemas.vocabulary import DIGITS, N_SITES, SEGMENTS_OF_DIGIT, SITES
 
 Floats = NDArray[np.float64]
@@ -193,6 +194,24 @@ class Scene:
     def touching(self) -> Bools:
         """Whether each site touches at the snapshot, shape (20,)."""
         return np.isin(np.array(SITES), self.grasp.contact_sites)
+
+    @property
+    def world_from_object(self) -> Floats:
+        """Pose of the object at the snapshot, shape (4, 4); the identity where it is not known."""
+        pose = np.eye(4)
+        if self.motion is not None:
+            at = self.motion.snapshot
+            rotation = rotations_from_quaternions(self.motion.object_quaternion[at : at + 1])[0]
+            position = self.motion.object_position[at]
+            if np.isfinite(rotation).all() and np.isfinite(position).all():
+                pose[:3, :3], pose[:3, 3] = rotation, position
+        return pose
+
+    @property
+    def feature(self) -> Integers:
+        """Indices of the surface's points that are in the graspable feature, shape (k,)."""
+        points = self.grasp.feature_points
+        return points[points < len(self.surface.points)]
 
     def capsules(self) -> tuple[tuple[Segment, Floats, Floats, float, float], ...]:
         """Return each segment that is known at the snapshot: its ends [m] and the radii there [m]."""

@@ -2,17 +2,18 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.contact_rows import contact_rows
+from graspdb_ingest.file_hash import file_sha256
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
-from graspdb_ingest.input_key import file_sha256, input_key, software_version
+from graspdb_ingest.input_key import input_key, software_version
 from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
 from graspdb_ingest.objects.live_surface import LiveSurface, follow_surface
 from graspdb_ingest.parameters import IngestParameters
@@ -45,11 +46,14 @@ class Context:
         The object, where the trial has one that there is a model of.
     problems : tuple of str
         Why a hand or the object could not be prepared; such a trial is rejected.
+    inputs : mapping of str to str
+        Everything that decides its rows, as `session_inputs` returns it.
     """
 
     hands: Mapping[Side, PreparedHand]
     object: PreparedObject | None
     problems: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
 
 def process_trial(
@@ -111,7 +115,7 @@ def process_trial(
         rows |= contact_rows(session, trial, tracked, grasps, parameters.contact)
         if described is not None and described.mesh is None:
             rows |= live_object_rows(session.id, described, tracked, grasps, parameters)
-    row = _trial_row(session, trial, parameters, markers, tracked, reasons, notes)
+    row = _trial_row(session, trial, context.inputs, parameters, markers, tracked, reasons, notes)
     rows["trials"] = pa.Table.from_pylist([row | {"n_grasps": n_grasps}], schema=rows_schema("trials"))
     return TrialTables(rows)
 
@@ -140,6 +144,7 @@ def _clouds(
 def _trial_row(
     session: Session,
     trial: SessionTrial,
+    inputs: Mapping[str, str],
     parameters: IngestParameters,
     markers: TrialMarkers | None,
     tracked: TrackedTrial | None,
@@ -163,7 +168,8 @@ def _trial_row(
         "duration": None if times is None or not len(times) else float(times[-1] - times[0]),
         "source_file": trial.source_file,
         "source_sha256": file_sha256(trial.file),
-        "input_key": input_key(session, trial, parameters),
+        "input_key": input_key(inputs),
+        "inputs": list(inputs.items()),
         "parameters": parameters.to_json(),
         "software_version": software_version(),
         "status": "rejected" if reasons else "ok",

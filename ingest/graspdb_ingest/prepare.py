@@ -1,13 +1,13 @@
 """What is done once for a session's hands, before its trials: they are calibrated."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from graspdb_ingest.calibration_set import calibration_files, calibration_recordings
 from graspdb_ingest.hand import HandModel
 from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.model import Bools, Floats
@@ -54,6 +54,8 @@ class PreparedHand:
         there is: the usual deviation is added to what it found.
     notes : tuple of str
         What to know of the hand's model.
+    recordings : mapping of str to str
+        What of the session it was calibrated from, as `calibration_recordings` returns it.
     """
 
     subject: str
@@ -65,12 +67,7 @@ class PreparedHand:
     noise: MotionNoise
     marker_sd: Floats
     notes: tuple[str, ...] = ()
-
-
-def calibration_files(session: Session, subject: Subject) -> tuple[Path, ...]:
-    """Return the recordings a subject's hand is calibrated from: those named, else the own trials."""
-    own = tuple(trial.file for trial in session.trials if trial.subject == subject.name)
-    return subject.calibration or own
+    recordings: Mapping[str, str] = field(default_factory=dict)
 
 
 def prepare_hand(
@@ -113,7 +110,8 @@ def prepare_hand(
 
     sample = sample_frames(markers())
     some = _noise_recordings(session, subject, side, hidden)
-    return hand_from_sample(subject.name, file, sample, sum(durations), some, parameters)
+    hand = hand_from_sample(subject.name, file, sample, sum(durations), some, parameters)
+    return replace(hand, recordings=calibration_recordings(session, subject))
 
 
 def hand_from_sample(

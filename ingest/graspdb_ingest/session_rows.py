@@ -115,6 +115,7 @@ def hand_rows(session: str, hands: Sequence[PreparedHand]) -> pa.Table:
             "n_prior_frames": [hand.learned.n_frames for hand in hands],
             "n_prior_postures": [hand.learned.n_independent for hand in hands],
             "calibration_notes": [list(hand.calibration.notes) for hand in hands],
+            "calibration_recordings": [list(hand.recordings.items()) for hand in hands],
         },
         schema=rows_schema("hands"),
     )

@@ -21,8 +21,11 @@ class TableSource:
         Parquet files of which only the rows count whose ``ingest_id`` is in `committed`.
     committed : pyarrow.Array of string
         Committed ingest_ids; looked at for `mixed_files` alone.
+    may_lack_columns : bool
+        Whether files may be of an older format, which lacks columns: these are null then.
     """
 
     files: tuple[str, ...] = ()
     mixed_files: tuple[str, ...] = ()
     committed: pa.Array = field(default_factory=_none)
+    may_lack_columns: bool = False

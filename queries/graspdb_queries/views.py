@@ -39,7 +39,7 @@ def _helper_tables(sources: Mapping[str, TableSource]) -> Iterator[tuple[str, pa
     for name, source in sources.items():
         if source.mixed_files:
             yield f"committed_{name}", pa.table({"ingest_id": source.committed})
-        elif not source.files:
+        if source.may_lack_columns or not (source.files or source.mixed_files):
             yield f"empty_{name}", TABLES[name].empty_table()
 
 
@@ -48,10 +48,11 @@ def view_sql(name: str, source: TableSource) -> str:
     columns = ", ".join(identifier(column) for column in TABLES[name].names)
     parts = []
     if source.files:
-        parts.append(f"SELECT {columns} FROM {_read(source.files)}")
+        parts.append(f"SELECT {columns} FROM {_rows(name, source, source.files)}")
     if source.mixed_files:
         committed = f"SELECT ingest_id FROM {INTERNAL}.committed_{name}"
-        parts.append(f"SELECT {columns} FROM {_read(source.mixed_files)} WHERE ingest_id IN ({committed})")
+        rows = _rows(name, source, source.mixed_files)
+        parts.append(f"SELECT {columns} FROM {rows} WHERE ingest_id IN ({committed})")
     if not parts:
         parts.append(f"SELECT {columns} FROM {INTERNAL}.empty_{name}")
     rows = " UNION ALL ".join(parts)
@@ -84,7 +85,11 @@ def _comments(name: str, doc: str, schema: pa.Schema) -> Iterator[str]:
         yield f"COMMENT ON COLUMN {identifier(name)}.{identifier(field.name)} IS {literal(text)}"
 
 
-def _read(files: Sequence[str]) -> str:
+def _rows(name: str, source: TableSource, files: Sequence[str]) -> str:
+    """Return what to select a table's rows from, of some of its files."""
     # A folder called key=value would otherwise become a column.
-    listed = ", ".join(literal(file) for file in files)
-    return f"read_parquet([{listed}], hive_partitioning = false)"
+    listed = f"[{', '.join(literal(file) for file in files)}], hive_partitioning = false"
+    if not source.may_lack_columns:
+        return f"read_parquet({listed})"
+    read = f"SELECT * FROM read_parquet({listed}, union_by_name = true)"
+    return f"(SELECT * FROM {INTERNAL}.empty_{name} UNION ALL BY NAME {read})"

@@ -8,8 +8,11 @@ from typing import Final
 
 import pyarrow as pa
 
-SCHEMA_VERSION: Final = 1
-"""Raised whenever a stored table changes in a way that old readers or writers would not survive."""
+SCHEMA_VERSION: Final = 2
+"""Raised whenever a stored table changes in a way that old readers or writers would not survive.
+
+Tables only grow: a database of an older format is read with nulls in the columns that it lacks.
+"""
 
 VECTOR: Final = pa.list_(pa.float64())
 VECTOR32: Final = pa.list_(pa.float32())
@@ -108,6 +111,11 @@ HANDS: Final = pa.schema(
         _column("n_prior_frames", pa.int32(), "frames that the prior was learned from; 0 for any hand's"),
         _column("n_prior_postures", pa.float64(), "independent postures that they are worth"),
         _column("calibration_notes", TEXTS, "what the recordings could not tell, and what stands in for it"),
+        _column(
+            "calibration_recordings",
+            pa.map_(pa.string(), pa.string()),
+            "recordings it was calibrated from: file as the manifest names it -> hash of what was used of it",
+        ),
         _INGEST_ID,
     ]
 )
@@ -146,6 +154,11 @@ TRIALS: Final = pa.schema(
         _column("source_file", pa.string(), "file of the recording, as the manifest names it"),
         _column("source_sha256", pa.string(), "sha256 of that file"),
         _column("input_key", pa.string(), "sha256 of everything that decides this trial's rows"),
+        _column(
+            "inputs",
+            pa.map_(pa.string(), pa.string()),
+            "the same part by part: file, key of the manifest, group of parameters -> hash",
+        ),
         _column("parameters", pa.string(), "parameters of the ingest, as JSON"),
         _column("software_version", pa.string(), "version of graspdb that wrote the rows"),
         _column("status", pa.string(), "ok or rejected"),
@@ -187,6 +200,11 @@ TRIALS: Final = pa.schema(
         _column("context", TEXTS, "ingest_ids of the session, subject, hand and object rows it stands on"),
         _column(
             "table_rows", pa.map_(pa.string(), pa.int32()), "number of rows it has in other tables, by table"
+        ),
+        _column(
+            "table_hashes",
+            pa.map_(pa.string(), pa.string()),
+            "hash of its rows in this table, less what the store adds, and in the others, by table",
         ),
         _INGEST_ID,
     ]
@@ -473,8 +491,22 @@ TRIAL_TABLES: Final = (
 )
 """Tables whose rows belong to one trial and carry its ingest_id."""
 
-STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows")
+STORE_COLUMNS: Final = ("ingest_id", "context", "table_rows", "table_hashes")
 """Columns that the store fills in; whoever makes rows leaves them out."""
+
+ROW_KEYS: Final[dict[str, tuple[str, ...]]] = {
+    "object_points": ("point",),
+    "markers": ("frame",),
+    "frames": ("side", "frame"),
+    "grasps": ("grasp",),
+    "contacts": ("grasp", "site"),
+    "features": ("grasp",),
+    "contact_events": ("side", "site", "first_time"),
+    "contact_maps": ("grasp", "surface"),
+    "reference_contacts": ("time", "digit"),
+    "measured_maps": ("kind", "frame"),
+}
+"""Columns that order a table's rows of one trial or one object, so that they compare in any order."""
 
 TABLE_DOCS: Final[dict[str, str]] = {
     "sessions": "one row a session",

@@ -11,7 +11,7 @@ from foreign_hands import write_macaque
 
 import graspdb
 from graspdb_ingest.hand.foreign import load_hand
-from graspdb_ingest.input_key import input_key
+from graspdb_ingest.input_key import input_key, session_inputs
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_schemas.manifest_reader import BUILT_IN_MARKERS, parse_manifest
 from graspdb_schemas.vocabulary import Side
@@ -105,7 +105,7 @@ def test_subject_has_no_measures_and_a_changed_model_is_another_trial(session, d
 
     def key():
         manifest = parse_manifest(session[0])
-        return input_key(manifest, manifest.trials[0], IngestParameters())
+        return input_key(session_inputs(manifest, IngestParameters())[manifest.trials[0].name])
 
     before, included = key(), Path(session[0] / "hands/digits.xml")
     text = included.read_text()

@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from graspdb_ingest.file_hash import file_sha256
 from graspdb_ingest.frame_rows import position_rows
 from graspdb_ingest.hand import HandDimensions
 from graspdb_ingest.importers.base import Clip, ClipHand, ClipSource, Importer, ImportOptions
 from graspdb_ingest.importers.clip_rows import ClipKeys, clip_rows
 from graspdb_ingest.importers.followed import FollowedClip, follow_clip
-from graspdb_ingest.importers.import_key import import_key
+from graspdb_ingest.importers.import_key import import_inputs
 from graspdb_ingest.importers.plausible import check_clip
 from graspdb_ingest.importers.survey import SurveyedSubject
-from graspdb_ingest.input_key import file_sha256, software_version
+from graspdb_ingest.input_key import input_key, software_version
 from graspdb_ingest.keypoints import dimensions_of
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepared_object import PreparedObject
@@ -51,9 +52,9 @@ class ImportJob:
         """Identifier of the session that the clips become trials of."""
         return self.options.session or self.importer.format.name
 
-    def key(self, source: ClipSource) -> str:
-        """Return the key of everything that decides a clip's rows."""
-        return import_key(source, self.importer.format, self.options, self.parameters, self.fit)
+    def inputs(self, source: ClipSource) -> dict[str, str]:
+        """Return everything that decides a clip's rows, as hashes by name."""
+        return import_inputs(source, self.importer.format, self.options, self.parameters, self.fit)
 
 
 def process_clip(
@@ -136,7 +137,7 @@ def _trial_row(
     reasons: Sequence[str],
     notes: Sequence[str],
 ) -> Mapping[str, object]:
-    form = job.importer.format
+    form, inputs = job.importer.format, job.inputs(source)
     row: dict[str, object] = {
         "session": job.session,
         "trial": f"{job.session}/{source.name}",
@@ -144,7 +145,8 @@ def _trial_row(
         "object": None if source.object is None else source.object.name,
         "source_file": source.files[0].name,
         "source_sha256": file_sha256(source.files[0]),
-        "input_key": job.key(source),
+        "input_key": input_key(inputs),
+        "inputs": list(inputs.items()),
         "parameters": job.parameters.to_json(),
         "software_version": software_version(),
         "status": "rejected" if reasons else "ok",

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from graspdb_ingest.file_hash import file_sha256
 from graspdb_ingest.importers.base import ObjectSource
-from graspdb_ingest.input_key import file_sha256
 from graspdb_ingest.objects.cloud import sample_cloud
 from graspdb_ingest.objects.files import Geometry, read_geometry
 from graspdb_ingest.objects.mesh import surface_of

@@ -232,9 +232,9 @@ def test_any_text_may_be_a_key(tmp_path: Path, session: str) -> None:
 
 
 def test_committed_input_keys(store: Store) -> None:
-    assert store.committed_input_keys() == {}
+    assert store.committed_input_keys("s") == {}
     store.commit_trials([trial_tables(1), trial_tables(2, input_key="k")])
-    assert store.committed_input_keys() == {"s/anna_mug_1": "key s/anna_mug_1", "s/anna_mug_2": "k"}
+    assert store.committed_input_keys("s") == {"s/anna_mug_1": "key s/anna_mug_1", "s/anna_mug_2": "k"}
 
 
 def test_wrong_bundles_are_refused(store: Store) -> None:
