@@ -18,15 +18,14 @@ from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.quoting import identifier
 from graspdb_queries.result import Result
-from graspdb_queries.similar.answer import Similar
-from graspdb_queries.similar.placed import GraspsOn
-from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import TABLES
 
 if TYPE_CHECKING:
     from graspdb.export.run import ExportReport, Progress
+    from graspdb_queries.similar.answer import Similar
+    from graspdb_queries.similar.placed import GraspsOn
     from graspdb_queries.similar.search import Search
 
 
@@ -261,7 +260,7 @@ class Database:
         where: str | None = None,
         cloud: str | PathLike[str] | None = None,
         scale: float = 1.0,
-    ) -> Similar:
+    ) -> "Similar":
         """Return the grasps most like one of the database, or most like a part from outside.
 
         Parameters
@@ -295,6 +294,8 @@ class Database:
         if (grasp is None) == (cloud is None):
             raise ParameterError("similar", "neither or both of a grasp and a cloud", "one of them")
         _check_count(k)
+        from graspdb_queries.similar.question import Respect
+
         respect = Respect(by, mode, posture)
         if grasp is not None:
             return self._search.similar(self._search.question(grasp), respect, k, where)
@@ -310,7 +311,7 @@ class Database:
         *,
         where: str | None = None,
         scale: float = 1.0,
-    ) -> GraspsOn:
+    ) -> "GraspsOn":
         """Return where people would grasp a new object: grasps of the database, laid onto it.
 
         Parameters
