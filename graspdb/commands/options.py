@@ -13,6 +13,13 @@ Output = Annotated[
     typer.Option("--output", "-o", metavar="FILE", help="Write here instead of to standard output."),
 ]
 
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=1, show_default="as many as there are cores", help="Trials that are worked on side by side."
+    ),
+]
+
 DEFAULT_DB = Path("grasps")
 
 
