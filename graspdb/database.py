@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
+from graspdb.store.location import Location, location
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
@@ -37,8 +38,8 @@ class Info:
 
     Attributes
     ----------
-    path : Path
-        Its folder.
+    path : Path or ObjectStorage
+        Where it is.
     format : int
         Version of its format.
     rows : mapping of str to int
@@ -52,7 +53,7 @@ class Info:
         description has changed and not every trial was ingested again.
     """
 
-    path: Path
+    path: Location
     format: int
     rows: Mapping[str, int]
     versions: Mapping[str, int]
@@ -66,12 +67,12 @@ class Database:
     Parameters
     ----------
     path : str or path
-        The database's folder.
+        The database's folder, or its URL in object storage: ``s3://bucket/folder``.
 
     Attributes
     ----------
-    path : Path
-        The database's folder.
+    path : Path or ObjectStorage
+        Where the database is.
     snapshot : Snapshot
         The pinned version of every table.
 
@@ -82,7 +83,7 @@ class Database:
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
-        self.path = Path(path)
+        self.path = location(path)
         self.snapshot: Snapshot = take_snapshot(self.path)
 
     def __enter__(self) -> Self:

@@ -51,7 +51,7 @@ def import_data_set(
     path : path
         The data set's folder, or a file of it.
     db : path
-        The database's folder; made where there is none.
+        The database's folder, or its URL in object storage; made where there is none.
     options : ImportOptions, optional
         What the files do not say.
     fit : bool
@@ -101,7 +101,7 @@ def import_data_set(
                 reports.append(trial_report(rows, done.outcome))
                 if progress is not None:
                     progress(reports[-1], len(todo))
-    return IngestReport(job.session, Path(db), tuple(reports))
+    return IngestReport(job.session, store.path, tuple(reports))
 
 
 def _refuse_twice(sources: Sequence[ClipSource]) -> None:

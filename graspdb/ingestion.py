@@ -9,6 +9,7 @@ from pathlib import Path
 from graspdb.engines import Engine, EngineName, make_engine
 from graspdb.preparation import Parts, prepare_parts, process_prepared
 from graspdb.store import Outcome, Store
+from graspdb.store.location import Location
 from graspdb_ingest.calibration_set import keep_calibrations
 from graspdb_ingest.input_key import hand_inputs, input_key, session_inputs
 from graspdb_ingest.parameters import IngestParameters
@@ -51,14 +52,14 @@ class IngestReport:
     ----------
     session : str
         Its identifier.
-    db : Path
+    db : Path or ObjectStorage
         The database.
     trials : tuple of TrialReport
         Every trial of the manifest, in the order of their commit, unchanged ones first.
     """
 
     session: str
-    db: Path
+    db: Location
     trials: tuple[TrialReport, ...]
 
     @property
@@ -89,7 +90,7 @@ def ingest(
     session : path
         The session's folder, or its manifest.
     db : path
-        The database's folder; made where there is none.
+        The database's folder, or its URL in object storage; made where there is none.
     workers : int, optional
         Trials that are worked on side by side; as many as there are cores unless given. The rows do not
         depend on it.
@@ -136,7 +137,7 @@ def ingest(
                 reports.append(trial_report(trial, done.outcome))
                 if progress is not None:
                     progress(reports[-1], len(todo))
-    return IngestReport(described.id, Path(db), tuple(reports))
+    return IngestReport(described.id, store.path, tuple(reports))
 
 
 def with_kept_hands(session: Session, store: Store, parameters: IngestParameters) -> Session:

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import pickle
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from itertools import islice
@@ -64,8 +65,12 @@ class RayEngine:
             ray.shutdown()
 
     def share(self, value: T) -> Shared[T]:
-        """Put a value into the cluster's object store, from which each node fetches it once."""
-        return _SharedObject(ray.put(value))
+        """Put a value into the cluster's object store, from which each node fetches it once.
+
+        It goes there as a pickle: arrays that lie in the store could not be written to, and libraries that
+        take no such arrays would refuse them.
+        """
+        return _SharedObject(ray.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)))
 
     def run(self, function: Callable[..., T], calls: Iterable[tuple[Any, ...]]) -> Iterator[list[T]]:
         """Yield results as they come; see `Engine.run`."""
@@ -104,4 +109,4 @@ class _SharedObject(Generic[T]):
 
 @lru_cache(maxsize=SHARED_AT_HAND)
 def _loaded(reference: Any) -> Any:
-    return ray.get(reference)
+    return pickle.loads(ray.get(reference))

@@ -37,7 +37,7 @@ def demo(
         typer.echo(f"Simulating three people grasping a bottle, a mug and a milk jug into {session} ...")
         simulate_session(session, subjects=3, trials=1, seed=0)
     typer.echo(f"Ingesting it into {db} ...")
-    report = run_with_progress(session, db, workers=workers)
+    report = run_with_progress(session, str(db), workers=workers)
     typer.echo(summary(report))
     with graspdb.open(db) as database:
         typer.echo("\nGrasps by object and subject:")

@@ -41,4 +41,5 @@ def duckdb(
 
     with Database(db) as database:
         database.export("duckdb", file, refuse_licences=refuse_licence or ())
-    typer.echo(f"Wrote {file}: views on {db.resolve()}")
+        place = database.path.resolve() if isinstance(database.path, Path) else database.path
+    typer.echo(f"Wrote {file}: views on {place}")

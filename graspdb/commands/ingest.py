@@ -63,7 +63,7 @@ def ingest(
 
 
 def _explain(
-    sessions: list[Path], db: Path, data_root: Path | None, force: bool, surface: str, as_json: bool
+    sessions: list[Path], db: str, data_root: Path | None, force: bool, surface: str, as_json: bool
 ) -> None:
     """Print what would be done with each trial, and why."""
     from graspdb.explaining import explain_ingest
@@ -93,7 +93,7 @@ def _explain(
 
 def run_with_progress(
     session: Path,
-    db: Path,
+    db: str,
     *,
     workers: int | None,
     engine: str = "local",

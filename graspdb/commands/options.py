@@ -6,7 +6,12 @@ from typing import Annotated
 
 import typer
 
-Db = Annotated[Path, typer.Option("--db", envvar="GRASPDB", metavar="DIR", help="Folder of the database.")]
+Db = Annotated[
+    str,
+    typer.Option(
+        "--db", envvar="GRASPDB", metavar="DB", help="Folder of the database, or s3://bucket/folder."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 Output = Annotated[
     Path | None,
@@ -20,7 +25,7 @@ Workers = Annotated[
     ),
 ]
 
-DEFAULT_DB = Path("grasps")
+DEFAULT_DB = "grasps"
 
 
 class Format(StrEnum):

@@ -16,6 +16,7 @@ from deltalake.exceptions import DeltaError
 from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
 from graspdb.store.layout import first_line, open_table, read_rows, written_format
+from graspdb.store.location import Location, ObjectStorage
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
@@ -29,7 +30,7 @@ class Snapshot:
 
     Attributes
     ----------
-    path : Path
+    path : Path or ObjectStorage
         The database's folder.
     versions : mapping of str to int
         Version of each table.
@@ -37,7 +38,7 @@ class Snapshot:
         Files and committed rows of each table, as the query engine reads them.
     """
 
-    path: Path
+    path: Location
     versions: Mapping[str, int]
     sources: Mapping[str, TableSource]
 
@@ -69,7 +70,7 @@ class CommittedIds:
         )
 
 
-def take_snapshot(root: Path) -> Snapshot:
+def take_snapshot(root: Location) -> Snapshot:
     """Pin one version of every table.
 
     `trials` is pinned first, so that the rows of every trial in it were written before the other tables
@@ -131,7 +132,7 @@ class TableFiles:
         return pc.fill_null(pc.equal(self.least, self.greatest), False)
 
 
-def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
+def table_files(root: Location, name: str, table: DeltaTable) -> TableFiles:
     """Return the files of a table, having checked that they lie in its folder.
 
     Raises
@@ -146,8 +147,8 @@ def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
             root, f"table {name!r} cannot be read: {first_line(error)}", "Restore the folder from a copy."
         ) from error
     names = actions["path"].to_pylist()
-    folder = root.resolve() / name
-    links = _links(folder)
+    folder = (root if isinstance(root, ObjectStorage) else root.resolve()) / name
+    links = set() if isinstance(folder, ObjectStorage) else _links(folder)
     for file in names:
         if not _PLAIN_NAME.fullmatch(file) or file in links:
             raise DatabaseError(
@@ -177,7 +178,7 @@ def _column(actions: pa.Table, name: str) -> pa.Array:
 
 
 def _source(
-    root: Path, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
+    root: Location, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
 ) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)

@@ -1,7 +1,6 @@
 """Sweeping: taking away the rows that no committed trial stands on."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Final
 
 import pyarrow as pa
@@ -13,6 +12,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError
 from graspdb.store.commit import quoted
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import first_line
+from graspdb.store.location import Location
 from graspdb.store.snapshot import CommittedIds, committed_ids, table_files
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import TABLES
@@ -21,7 +21,7 @@ _BATCH: Final = 200
 """Ingests named in one delete."""
 
 
-def sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
+def sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     """Delete the rows of ingests that were interrupted, repeated or replaced.
 
     The ids are listed first. Then a commit to `trials` bars every ingest that began before it from being
@@ -29,7 +29,7 @@ def sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
 
     Parameters
     ----------
-    root : Path
+    root : Path or ObjectStorage
         The database's folder.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
@@ -61,7 +61,7 @@ def _dead(found: Mapping[str, pa.Array], committed: CommittedIds) -> dict[str, p
     return {name: ids.filter(pc.invert(pc.is_in(ids, committed.of(name)))) for name, ids in found.items()}
 
 
-def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
+def _ingest_ids(root: Location, name: str, table: DeltaTable) -> pa.Array:
     """Return every ingest_id in a table: from the log, or from the files that hold several."""
     table.update_incremental()
     files = table_files(root, name, table)
@@ -71,7 +71,7 @@ def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
     return pa.chunked_array(ids, pa.string()).unique()
 
 
-def _bar_unfinished(root: Path, trials: DeltaTable) -> CommittedIds:
+def _bar_unfinished(root: Location, trials: DeltaTable) -> CommittedIds:
     """Commit a sweep to `trials`, and return what is committed at that version."""
     patience = Patience(root)
     while True:
@@ -98,7 +98,7 @@ def _batches(ids: pa.Array) -> Iterator[list[str]]:
         yield ids.slice(start, _BATCH).to_pylist()
 
 
-def _delete(root: Path, name: str, table: DeltaTable, ids: list[str]) -> int:
+def _delete(root: Location, name: str, table: DeltaTable, ids: list[str]) -> int:
     """Delete the rows of some ingests from a table and return how many there were."""
     patience = Patience(root)
     while True:
@@ -115,7 +115,7 @@ def _delete(root: Path, name: str, table: DeltaTable, ids: list[str]) -> int:
         return int(metrics["num_deleted_rows"])
 
 
-def _cannot_write(root: Path, name: str, error: Exception) -> DatabaseError:
+def _cannot_write(root: Location, name: str, error: Exception) -> DatabaseError:
     return DatabaseError(
         root,
         f"cannot sweep table {name!r}: {first_line(error)}",
