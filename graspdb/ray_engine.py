@@ -65,19 +65,15 @@ class RayEngine:
             ray.shutdown()
 
     def share(self, value: T) -> Shared[T]:
-        """Put a value into the cluster's object store, from which each node fetches it once.
-
-        It goes there as a pickle: arrays that lie in the store could not be written to, and libraries that
-        take no such arrays would refuse them.
-        """
-        return _SharedObject(ray.put(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)))
+        """Put a value into the cluster's object store, from which each node fetches it once."""
+        return _SharedObject(ray.put(_pickled(value)))
 
     def run(self, function: Callable[..., T], calls: Iterable[tuple[Any, ...]]) -> Iterator[list[T]]:
         """Yield results as they come; see `Engine.run`."""
-        remote, left = ray.remote(num_cpus=1)(function), iter(calls)
+        remote, left = ray.remote(num_cpus=1)(_call), iter(calls)
         while True:
             free = CALLS_FOR_A_WORKER * self._workers - len(self._under_way)
-            self._under_way += [remote.remote(*arguments) for arguments in islice(left, free)]
+            self._under_way += [remote.remote(function, *arguments) for arguments in islice(left, free)]
             if not self._under_way:
                 return
             ray.wait(self._under_way, num_returns=1, fetch_local=False)
@@ -85,7 +81,7 @@ class RayEngine:
                 self._under_way, num_returns=len(self._under_way), timeout=0, fetch_local=False
             )
             try:
-                yield ray.get(done)
+                yield [pickle.loads(result) for result in ray.get(done)]
             except ray.exceptions.RayTaskError as error:
                 raise error.cause if isinstance(error.cause, Exception) else error from None
             except ray.exceptions.RayError as error:
@@ -93,6 +89,18 @@ class RayEngine:
                     f"a task of the Ray cluster was lost: {str(error).splitlines()[0]}",
                     "What was committed before is safe; look at the cluster with `ray status`, run again.",
                 ) from error
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> bytes:
+    return _pickled(function(*arguments))
+
+
+def _pickled(value: Any) -> bytes:
+    """Return a value as it goes through the cluster's object store.
+
+    Ray would let arrays lie in the store, where they cannot be written to; libraries refuse such arrays.
+    """
+    return pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 class _SharedObject(Generic[T]):
