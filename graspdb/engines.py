@@ -112,7 +112,8 @@ def make_engine(name: str = EngineName.LOCAL, workers: int | None = None, at_mos
     if workers is not None and workers < 1:
         raise ParameterError("workers", workers, "1 or more")
     if name not in tuple(EngineName):
-        raise ParameterError("engine", name, ", ".join(EngineName) + nearest(name, list(EngineName)))
+        known = [str(engine.value) for engine in EngineName]
+        raise ParameterError("engine", name, ", ".join(known) + nearest(name, known))
     if name == EngineName.RAY and at_most:
         from graspdb.ray_engine import RayEngine
 

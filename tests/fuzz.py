@@ -17,6 +17,7 @@ import struct
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -109,11 +110,12 @@ def check(folder: Path) -> int:
     return status
 
 
-def main(count: int, first: int = 0) -> None:
-    """Check damaged sessions and print how many there were, and how many of them could still be read."""
+def main(count: int, first: int = 0) -> bool:
+    """Check damaged sessions, print what became of them, and return whether any was not contained."""
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     found: Counter[str] = Counter()
     slowest = (0.0, -1)
+    failed = []
     for number in range(first, first + count):
         with tempfile.TemporaryDirectory() as name:
             damaged = make_session(Path(name), number)
@@ -121,9 +123,14 @@ def main(count: int, first: int = 0) -> None:
             start = time.monotonic()
             try:
                 status = check(Path(name))
-            except BaseException:
-                print(f"input {number}, damaged {damaged}:", file=sys.stderr, flush=True)
-                raise
+            except Exception:
+                print(
+                    f"input {number}, damaged {damaged}:\n{traceback.format_exc()}",
+                    file=sys.stderr,
+                    flush=True,
+                )
+                failed.append(number)
+                continue
             slowest = max(slowest, (time.monotonic() - start, number))
             found[f"{damaged}: {'refused' if status else 'read'}"] += 1
     faulthandler.cancel_dump_traceback_later()
@@ -134,7 +141,8 @@ def main(count: int, first: int = 0) -> None:
         "slowest_s": round(slowest[0], 2),
         "slowest": slowest[1],
     }
-    print(json.dumps(report | dict(sorted(found.items()))))
+    print(json.dumps(report | {"failed": failed} | dict(sorted(found.items()))))
+    return bool(failed)
 
 
 def _positions(rng: random.Random) -> Any:
@@ -279,4 +287,4 @@ def _path(data: bytes, rng: random.Random) -> bytes:
 
 
 if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:3]))
+    sys.exit(main(*(int(argument) for argument in sys.argv[1:3])))

@@ -1,6 +1,5 @@
 """A server of object storage on this machine: moto, which speaks the protocol of S3 over HTTP."""
 
-import os
 import socket
 import subprocess
 import sys
@@ -51,8 +50,3 @@ def _make_bucket(port: int) -> None:
         if b" 200 " not in answer:
             raise RuntimeError(f"no bucket: {answer!r}")
         return
-
-
-def use(environment: Mapping[str, str]) -> None:
-    """Lead this process to a server."""
-    os.environ.update(environment)
