@@ -1,4 +1,4 @@
-"""Ingest of a whole session: how much faster than real time, with one worker and two, and the memory it takes."""
+"""Ingest of a whole session: how much faster than real time with one worker and with two, and its memory."""
 
 import json
 import os

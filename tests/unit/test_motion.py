@@ -28,8 +28,8 @@ def dense(model):
     """Return A, for which the state after a step is A x + w."""
     return np.block(
         [
-            [np.diag(model.position_position), np.diag(model.position_velocity)],
-            [np.diag(model.velocity_position), np.diag(model.velocity_velocity)],
+            [np.diag(model.transition[0]), np.diag(model.transition[1])],
+            [np.diag(model.transition[2]), np.diag(model.transition[3])],
         ]
     )
 

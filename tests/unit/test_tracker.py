@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from graspdb_ingest.hand import HandDimensions, HandModel, HandPose, build_hand
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking import smoother
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_schemas.errors import TrackingError
 from graspdb_schemas.manifest import MarkerPlacement
@@ -235,6 +236,19 @@ def test_fist_at_its_limits_stays_within_them(hands):
     assert within_limits(track, hand)
     assert track.at_limit[50:70].any()
     assert np.mean(np.linalg.norm(track.sites - hand.forward(q).sites, axis=2)[:, TIPS]) < 0.003
+
+
+def test_long_recordings_are_kept_in_single_precision_and_lose_nothing_by_it(simulated, monkeypatch):
+    hidden = simulated.markers.copy()
+    hidden[100:220, [i for i, m in enumerate(simulated.hand.markers) if m.startswith("index")]] = np.nan
+    arguments = simulated.hand, hidden, RATE, default_prior(simulated.hand), PARAMETERS
+    double = track_hand(*arguments)
+    monkeypatch.setattr(smoother, "DOUBLE_FRAMES", 0)
+    single = track_hand(*arguments)
+    steps = [simulated.hand.difference(a, b) for a, b in zip(double.q, single.q, strict=True)]
+    assert (np.abs(steps) < 0.05 * double.q_sd).all()
+    assert np.allclose(single.q_sd, double.q_sd, rtol=0.01)
+    assert not np.array_equal(single.q_sd, double.q_sd)
 
 
 def test_too_few_markers_are_refused_with_their_number(simulated):

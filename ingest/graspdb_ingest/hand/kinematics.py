@@ -1,11 +1,10 @@
 """Fast repeated kinematics of one hand: a workspace that inner loops move from frame to frame."""
 
-from typing import Final
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.model import Floats, HandModel
 
 
@@ -27,25 +26,27 @@ class Kinematics:
         # MuJoCo never reads the place of a site that its compiler found exactly in its segment's frame.
         self.model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._data = mujoco.MjData(self.model)
+        # Views of MuJoCo's memory, which stays where it is: each access to a member makes a new one.
+        self._qpos, self._points = self._data.qpos, self._data.site_xpos
         self._marker_ids = hand.marker_ids
         self._site_ids = hand.site_ids
-        self._marker_jacobian = _PointJacobian(self.model, self._marker_ids)
-        self._site_jacobian = _PointJacobian(self.model, self._site_ids)
+        self._marker_jacobian = _PointJacobian(self.model, self._data, self._marker_ids)
+        self._site_jacobian = _PointJacobian(self.model, self._data, self._site_ids)
 
     def move(self, q: Floats) -> None:
         """Take configuration `q`, shape (n_q,)."""
-        self._data.qpos[:] = q
+        self._qpos[:] = q
         mujoco.mj_kinematics(self.model, self._data)
 
     @property
     def markers(self) -> Floats:
         """Marker positions [m], shape (n_markers, 3)."""
-        return np.array(self._data.site_xpos[self._marker_ids])
+        return np.asarray(self._points.take(self._marker_ids, axis=0))
 
     @property
     def sites(self) -> Floats:
         """Sphere centres [m], shape (20, 3)."""
-        return np.array(self._data.site_xpos[self._site_ids])
+        return np.asarray(self._points.take(self._site_ids, axis=0))
 
     @property
     def body_rotations(self) -> Floats:
@@ -62,52 +63,53 @@ class Kinematics:
 
         The array is the workspace's own and is overwritten by the next call.
         """
-        return self._marker_jacobian.at(self._data)
+        return self._marker_jacobian.now()
 
     def site_jacobian(self) -> Floats:
         """Return d(site) / d(degree of freedom), shape (20, 3, n_dof); overwritten by the next call."""
-        return self._site_jacobian.at(self._data)
+        return self._site_jacobian.now()
 
 
 class _PointJacobian:
-    """Jacobian of points on the hand, all at once: MuJoCo's own takes a call a point.
+    """Jacobian of points on the hand, all at once: MuJoCo's own takes a call a point."""
 
-    A degree of freedom that turns about an axis a and moves a reference point by v moves a point x
-    from there by v + a x x, which is linear in (x, 1). So one product gives what each of them does
-    to each point; those that do not carry the point's segment are then taken out.
-    """
-
-    def __init__(self, model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
-        self._model, self._ids = model, ids
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, ids: NDArray[np.int32]) -> None:
+        self._model, self._data, self._ids = model, data, ids
         bodies = model.site_bodyid[ids]
         roots = model.body_rootid[bodies]
-        self._roots = int(roots[0]) if len(set(roots)) == 1 else roots
-        self._carries = np.repeat(_carries(model)[bodies].astype(float)[:, None], 3, axis=1)
-        self._points = np.ones((len(ids), 4))
-        self._moving = np.empty((12, model.nv))
-        self._moved = np.empty((len(ids), 3 * model.nv))
-        self._jacobian: Floats = np.empty(self._carries.shape)
+        self._memory = data.site_xpos, ids, data.subtree_com, roots, data.cdof, _carries(model)[bodies]
+        self._jacobian: Floats = np.zeros((len(ids), 3, model.nv))
 
-    def at(self, data: mujoco.MjData) -> Floats:
+    def now(self) -> Floats:
         """Return d(point) / d(degree of freedom), shape (n_points, 3, n_dof), where MuJoCo has them now."""
-        mujoco.mj_comPos(self._model, data)  # finds a and v, and the reference point of each root
-        np.dot(_OF_POINT, data.cdof.T, out=self._moving)
-        points = data.site_xpos.take(self._ids, axis=0)
-        np.subtract(points, data.subtree_com[self._roots], out=self._points[:, :3])
-        np.dot(self._points, self._moving.reshape(4, -1), out=self._moved)
-        np.multiply(self._moved.reshape(self._carries.shape), self._carries, out=self._jacobian)
+        mujoco.mj_comPos(self._model, self._data)  # finds the axes, and the reference point of each root
+        _write_jacobian(self._jacobian, *self._memory)
         return self._jacobian
 
 
-def _of_point() -> Floats:
-    """Return what turns (a, v) into the coefficients of x, y, z and 1 in v + a x (x, y, z), shape (12, 6)."""
-    matrix = np.zeros((4, 3, 6))
-    matrix[:3, :, :3] = [np.cross(np.eye(3), unit).T for unit in np.eye(3)]
-    matrix[3, :, 3:] = np.eye(3)
-    return matrix.reshape(12, 6)
+@compiled
+def _write_jacobian(
+    jacobian: Floats,
+    positions: Floats,
+    points: NDArray[np.int32],
+    references: Floats,
+    roots: NDArray[np.int32],
+    axes: Floats,
+    carries: NDArray[np.bool_],
+) -> None:
+    """Write the Jacobian of some points, each given by its row in `positions`.
 
-
-_OF_POINT: Final = _of_point()
+    A degree of freedom that turns about an axis a and moves the reference point of its root by v moves a
+    point x from there by v + a x x, if it carries the point's segment.
+    """
+    for i in range(len(points)):
+        x, y, z = positions[points[i]] - references[roots[i]]
+        for dof in range(len(axes)):
+            if carries[i, dof]:
+                a = axes[dof]
+                jacobian[i, 0, dof] = a[3] + a[1] * z - a[2] * y
+                jacobian[i, 1, dof] = a[4] + a[2] * x - a[0] * z
+                jacobian[i, 2, dof] = a[5] + a[0] * y - a[1] * x
 
 
 def _carries(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -25,6 +25,8 @@ from graspdb_ingest.tracking.smoother import Disturbances
 WINDOW_SD: Final = 0.05
 """Standard deviation of the Gaussian window in time that shares one scale [s]: a movement's acceleration and
 slowing down last about four of them."""
+WINDOW: Final = WINDOW_SD * float(np.sqrt(2 * np.pi))
+"""How long an even window is that weighs as much [s]."""
 USUAL: Final = 0.5
 """Number of disturbances of usual size that each window is given besides its own."""
 SMALLEST: Final = 1e-3
@@ -46,7 +48,9 @@ def noise_ratio(residuals: Floats, disturbances: Disturbances, rate: float) -> f
     """Return the variance of the markers' noise over the assumed one, from what a smoothed track leaves.
 
     Of white noise the track takes up as much as the data tell of disturbances. Noise that moves slowly, skin
-    above all, looks like movement: the posture takes up as much of it as it has degrees of freedom.
+    above all, looks like movement: the posture takes up as much of it as it has degrees of freedom. And what
+    counts is how far the mean over a window is off: white noise averages out, slow noise does not, so a
+    frame of it counts as if it had that much more variance.
 
     Parameters
     ----------
@@ -73,7 +77,8 @@ def noise_ratio(residuals: Floats, disturbances: Disturbances, rate: float) -> f
     slow = float(np.clip(np.nanmean(later), 0.0, whole))
     postures = disturbances.determined.shape[1] * float(np.isfinite(residuals).any(axis=(1, 2)).sum())
     left = [max(measured - taken, measured / 4) for taken in (disturbances.determined.sum(), postures)]
-    return max(measured * float((whole - slow) / left[0] + slow / left[1]), SMALLEST)
+    frames = max(1.0, WINDOW * rate)
+    return max(measured * float((whole - slow) / left[0] + frames * slow / left[1]), SMALLEST)
 
 
 def next_activity(
@@ -104,7 +109,7 @@ def next_activity(
         The next ones; the last ones where nothing was measured.
     """
     sd = WINDOW_SD * rate
-    window = sd * np.sqrt(2 * np.pi)  # frames: what turns the filter's mean into a sum
+    window = WINDOW * rate  # frames: what turns the filter's mean into a sum
     changed = activity.copy()
     for part in range(int(parts.max()) + 1):
         own = parts == part

@@ -11,22 +11,14 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgesv
 from scipy.stats import chi2
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
+from graspdb_ingest.tracking.algebra import corrected, normal_equations, solve_measured
 from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
-from graspdb_ingest.tracking.motion import (
-    Blocks,
-    MotionModel,
-    add_product,
-    from_blocks,
-    left_half,
-    make_symmetric,
-    to_blocks,
-)
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, from_blocks, left_half, to_blocks
 
 LIMIT_SD: Final = np.deg2rad(0.5)
 """Tightness with which an angle beyond its limit is pulled back to it [rad]."""
@@ -138,7 +130,6 @@ class HandFilter:
         self._motion = motion
         self._prior = prior
         self._root_weight = 1 / marker_sd
-        self._rows = np.empty((len(marker_sd), 3, self._n + 1))
         self._gate = float(chi2.ppf(gate, df=3))
         self._explained = self._gate * marker_sd**2
         self._angle_gate = float(chi2.ppf(gate, df=1))
@@ -198,26 +189,28 @@ class HandFilter:
         angles = None if readings is None else self._angles(state, readings)
         if not used.any() and angles is None:
             return Update(state, used, False, np.zeros((self._n, self._n)), np.zeros(self._n))
-        last: Floats | None = None
+        root_weight = self._root_weight * used
+        last: Floats = np.zeros(self._n)
         for _ in range(MAXIMUM_LINEARISATIONS):
-            normal = self._normal_equations(jacobian, innovation, used, last)
+            normal = normal_equations(jacobian, innovation, root_weight)
+            normal[-1] += normal[:-1] @ last  # as if the innovation were that of the prediction
             if angles is not None:
                 dofs, precision, innovations = angles
                 normal[dofs, dofs] += precision
                 normal[-1, dofs] += precision * innovations
             at_limit, solved, step = self._solve(state, normal)
             change = step[: self._n]
-            turned = change[3:] if last is None else change[3:] - last[3:]
+            turned = change[3:] - last[3:]
             if turned @ turned < LARGE_STEP**2 or np.abs(turned).max() < LARGE_STEP:
                 break
             last = change
             jacobian, innovation = self._linearise(self._hand.integrate(state.q, last), observed, seen)
-        corrected = State(
+        after = State(
             self._hand.integrate(state.q, change),
             state.velocity + step[self._n :],
-            _corrected(state.blocks, solved[:-1]),
+            corrected(state.blocks, solved[:-1]),
         )
-        return Update(corrected, used, at_limit, solved[:-1], solved[-1])
+        return Update(after, used, at_limit, solved[:-1], solved[-1])
 
     def _angles(
         self, state: State, readings: JointReadings
@@ -254,23 +247,6 @@ class HandFilter:
         passing = seen.copy()
         passing[doubtful] = np.einsum("mi,mi->m", innovation[doubtful], solved) <= self._gate
         return passing
-
-    def _normal_equations(
-        self, jacobian: Floats, innovation: Floats, used: Bools, linearised_at: Floats | None
-    ) -> Floats:
-        """Return J^T R^-1 J and, as one row more, J^T R^-1 y, shape (n_dof + 1, n_dof).
-
-        `linearised_at` is the step at which J was taken, None for the prediction itself. Rows of
-        markers that are not used are zero. Both come of one product of [J, y] with itself.
-        """
-        rows, root = self._rows, (self._root_weight * used)[:, None]
-        np.multiply(jacobian, root[:, None], out=rows[:, :, :-1])
-        np.multiply(innovation, root, out=rows[:, :, -1])
-        flat = rows.reshape(-1, self._n + 1)
-        normal: Floats = (flat.T @ flat)[:, :-1].copy()
-        if linearised_at is not None:
-            normal[-1] += normal[:-1] @ linearised_at
-        return normal
 
     def _solve(self, state: State, normal: Floats) -> tuple[bool, Floats, Floats]:
         """Return whether a joint is held at its limit, J^T S^-1 [J, y] transposed, and the step.
@@ -313,26 +289,3 @@ def _measured_besides(
     np.matmul(gain[:, -1], rest, out=besides[-1])
     besides += solved
     return besides
-
-
-def solve_measured(covariance: Floats, normal: Floats) -> Floats:
-    """Return (I + A P)^-1 [A, g] transposed, shape (n + 1, n): J^T S^-1 [J, y].
-
-    With A = J^T R^-1 J and g = J^T R^-1 y, the rows of `normal`, by the matrix inversion lemma, for any
-    number of markers. LAPACK wants columns: the transpose of the array P A + I, rows in order, is A P + I.
-    """
-    n = len(covariance)
-    matrix = np.eye(n)
-    add_product(matrix, 1, covariance, normal[:n])
-    _, _, solved, _ = dgesv(matrix.T, normal.T, overwrite_a=True)
-    return np.asarray(solved.T)
-
-
-def _corrected(blocks: Blocks, inverse: Floats) -> Blocks:
-    """Return P - P H^T S^-1 H P, with J^T S^-1 J = `inverse`."""
-    n = len(inverse)
-    gained, corrected = left_half(blocks) @ inverse, blocks.copy()
-    add_product(left_half(corrected), -1, gained, blocks[2])
-    add_product(corrected[1], -1, gained[n:], blocks[0])
-    make_symmetric(corrected)
-    return corrected

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.blas import dgemm
 
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking import algebra
 from graspdb_ingest.tracking.fit import FREE
 
 Blocks = Floats
@@ -63,8 +63,9 @@ class MotionModel:
 
     Attributes
     ----------
-    position_position, position_velocity, velocity_position, velocity_velocity : ndarray, shape (n_dof,)
-        The four elements of each degree of freedom's 2 x 2 transition A.
+    transition : ndarray, shape (4, n_dof)
+        The elements of each degree of freedom's 2 x 2 transition A: position from position, position
+        from velocity, velocity from position, velocity from velocity.
     noise : ndarray, shape (2 * n_dof, 2 * n_dof)
         Covariance of w, positions first.
     stationary : ndarray, shape (2 * n_dof, 2 * n_dof)
@@ -72,19 +73,27 @@ class MotionModel:
         joint angles, a wide one for the free joint.
     """
 
-    position_position: Floats
-    position_velocity: Floats
-    velocity_position: Floats
-    velocity_velocity: Floats
+    transition: Floats
     noise: Floats
     stationary: Floats
 
+    def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+        """Return the change of position over the step, and the velocity after it, each (n_dof,).
+
+        `offset` is the posture minus its mean; it plays no part for the free joint.
+        """
+        moved = self._by_offset * offset
+        moved += self.transition[1::2] * velocity
+        return moved[0], moved[1]
+
     def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
         """Return A P A^T + D Q D, with D the factors on the noise's standard deviation, one a dof."""
-        noise = self._noise_blocks[1:]
-        if activity is not None:
-            noise = noise * np.outer(activity, activity)
-        return _congruent(covariance, self._forward, noise)
+        factors = self._usual if activity is None else activity
+        return algebra.predicted_covariance(covariance, self.transition, self._noise_blocks, factors)
+
+    def before(self, adjoint: Floats, matrix: Blocks) -> tuple[Floats, Blocks]:
+        """Return adjoint vector A^T a, shape (2 * n_dof,), and matrix A^T X A before the step."""
+        return algebra.before_step(adjoint, matrix, self.transition)
 
     def disturbance(
         self, adjoint: Floats, matrix: Blocks, activity: Floats | None = None
@@ -94,63 +103,20 @@ class MotionModel:
         With adjoint vector and matrix of a prediction, they are the squared size of the smoothed
         disturbance that led to it, w^T Q^-1 w, and the number of disturbances that the data tell.
         """
-        factors = np.ones(len(self.position_position)) if activity is None else activity
-        felt = (adjoint.reshape(2, -1) * factors).reshape(-1)
-        squared = (felt * (self.noise @ felt)).reshape(2, -1).sum(axis=0)
-        determined = ((self._noise_blocks * matrix) @ factors).sum(axis=0) * factors
-        return squared, determined
-
-    def adjoint(self, vector: Floats) -> Floats:
-        """Return A^T x, shape (2 * n_dof,)."""
-        of_position, of_velocity = vector.reshape(2, -1)
-        adjoint: Floats = self._of_position * of_position
-        adjoint += self._of_velocity * of_velocity
-        return adjoint.reshape(-1)
-
-    def adjoint_matrix(self, matrix: Blocks) -> Blocks:
-        """Return A^T X A of a symmetric X."""
-        return _congruent(matrix, self._backward)
+        factors = self._usual if activity is None else activity
+        return algebra.disturbance(adjoint, matrix, self._noise_blocks, factors)
 
     @cached_property
     def _by_offset(self) -> Floats:
-        return np.array([self.position_position - 1, self.velocity_position])
-
-    @cached_property
-    def _by_velocity(self) -> Floats:
-        return np.array([self.position_velocity, self.velocity_velocity])
-
-    @cached_property
-    def _of_position(self) -> Floats:
-        return np.array([self.position_position, self.position_velocity])
-
-    @cached_property
-    def _of_velocity(self) -> Floats:
-        return np.array([self.velocity_position, self.velocity_velocity])
-
-    @cached_property
-    def _forward(self) -> Floats:
-        a, b = self.position_position, self.position_velocity
-        c, d = self.velocity_position, self.velocity_velocity
-        return _congruence(a, b, c, d)
-
-    @cached_property
-    def _backward(self) -> Floats:
-        a, b = self.position_position, self.velocity_position
-        c, d = self.position_velocity, self.velocity_velocity
-        return _congruence(a, b, c, d)
+        return self.transition[::2] - [[1.0], [0.0]]
 
     @cached_property
     def _noise_blocks(self) -> Blocks:
         return to_blocks(self.noise)
 
-    def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Return the change of position over the step, and the velocity after it, each (n_dof,).
-
-        `offset` is the posture minus its mean; it plays no part for the free joint.
-        """
-        moved = self._by_offset * offset
-        moved += self._by_velocity * velocity
-        return moved[0], moved[1]
+    @cached_property
+    def _usual(self) -> Floats:
+        return np.ones(self.transition.shape[1])
 
 
 def motion_model(hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float) -> MotionModel:
@@ -185,14 +151,11 @@ def motion_model(hand: HandModel, prior: PosturePrior, noise: MotionNoise, step:
         spread[np.ix_([i, n + i], [i, n + i])] = s * np.array(
             [[step**3 / 3, step**2 / 2], [step**2 / 2, step]]
         )
-    wide = np.repeat([1.0, np.pi], 3)
+    wide = np.repeat([0.1, 1.0], 3)  # a hand is started where it fits its first frame
     stationary[range(FREE), range(FREE)] = wide**2
     stationary[range(n, n + FREE), range(n, n + FREE)] = (wide / noise.finger_time) ** 2
     return MotionModel(
-        position_position=from_position,
-        position_velocity=from_velocity,
-        velocity_position=to_velocity,
-        velocity_velocity=of_velocity,
+        transition=np.array([from_position, from_velocity, to_velocity, of_velocity]),
         noise=spread,
         stationary=stationary,
     )
@@ -232,44 +195,3 @@ def from_blocks(blocks: Blocks) -> Floats:
 def left_half(blocks: Blocks) -> Floats:
     """Return the columns of the positions, shape (2 * n, n): a view."""
     return blocks[2:].reshape(-1, blocks.shape[2])
-
-
-def right_half(blocks: Blocks) -> Floats:
-    """Return the columns of the velocities, shape (2 * n, n): a view."""
-    return blocks[:2].reshape(-1, blocks.shape[2])
-
-
-def add_product(out: Floats, factor: float, a: Floats, b: Floats) -> None:
-    """Add factor * A B to `out`, in place; all are rows in order, which BLAS sees as transposed columns."""
-    dgemm(factor, b.T, a.T, 1.0, out.T, overwrite_c=True)
-
-
-def make_symmetric(blocks: Blocks) -> None:
-    """Make blocks those of a symmetric matrix again, in place, where rounding has left them askew."""
-    own = blocks[1:3]
-    own += own.transpose(0, 2, 1).copy()
-    own *= 0.5
-    blocks[0] = blocks[3].T
-
-
-def _congruence(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return what `_congruent` multiplies blocks with for B of the diagonals [[a, b], [c, d]]."""
-    rows = [
-        [np.outer(c, d), np.outer(d, d), np.outer(c, c), np.outer(d, c)],
-        [np.outer(a, b), np.outer(b, b), np.outer(a, a), np.outer(b, a)],
-        [np.outer(c, b), np.outer(d, b), np.outer(c, a), np.outer(d, a)],
-    ]
-    return np.array(rows).reshape(3, 4, -1)
-
-
-def _congruent(blocks: Blocks, factors: Floats, more: Floats | None = None) -> Blocks:
-    """Return B X B^T of a symmetric X, element by element, B's blocks being diagonal.
-
-    `more`, the last three blocks of another symmetric matrix, is added.
-    """
-    result = np.empty_like(blocks)
-    np.einsum("ijk,jk->ik", factors, blocks.reshape(4, -1), out=result.reshape(4, -1)[1:])
-    if more is not None:
-        result[1:] += more
-    result[0] = result[3].T
-    return result

@@ -13,15 +13,9 @@ from typing import Final
 import numpy as np
 
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.tracking.algebra import before_measurement, smoothed_covariance
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import (
-    Blocks,
-    MotionModel,
-    add_product,
-    left_half,
-    make_symmetric,
-    right_half,
-)
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half
 
 BLOCK: Final = 64
 """Frames that are smoothed before anything is done with them: few enough for the processor's cache."""
@@ -115,27 +109,12 @@ class ForwardPass:
         n = self._weighted.shape[1]
         adjoint: Floats = np.zeros(2 * n)
         matrix: Blocks = np.zeros((4, n, n))
-        unchanged = np.eye(2 * n, n)
         for i in reversed(range(self._length)):
             if i < self._length - 1:
-                adjoint, matrix = motion.adjoint(adjoint), motion.adjoint_matrix(matrix)
-            inverse = self._inverse[i].astype(float, copy=False)
-            # Through the measurement: its I - K H leaves velocities alone.
-            through = unchanged.copy()
-            add_product(through, -1, self._columns[i].astype(float, copy=False), inverse)
-            measured = np.empty_like(matrix)
-            reduced = _times(matrix, through, out=left_half(measured))
-            np.add(through.T @ reduced, inverse, out=measured[2])
-            measured[1] = matrix[1]
-            make_symmetric(measured)
-            matrix = measured
-            adjoint[:n] = adjoint @ through
-            adjoint[:n] -= self._weighted[i]
+                adjoint, matrix = motion.before(adjoint, matrix)
+            inverse = np.asarray(self._inverse[i], dtype=float)
+            adjoint, matrix = before_measurement(adjoint, matrix, self._left(i), inverse, self._weighted[i])
             yield i, adjoint, matrix
-
-    def step(self, frame: int, adjoint: Floats) -> Floats:
-        """Return what a frame's adjoint adds to its predicted configuration, in the degrees of freedom."""
-        return np.asarray(-(adjoint @ self._columns[frame]))
 
     def smooth(self, motion: MotionModel, activity: Floats | None = None) -> Iterator[Smoothed]:
         """Yield the smoothed frames, block by block, the last block first.
@@ -148,29 +127,22 @@ class ForwardPass:
             Factors on the standard deviation of the process noise that it had.
         """
         n, stop = self._weighted.shape[1], self._length
-        adjoints, products = np.empty((BLOCK, 1, 2 * n)), np.empty((BLOCK, 2 * n, n))
+        steps, covariances = np.empty((BLOCK, n)), np.empty((BLOCK, n, n))
         squared, determined = np.empty((2, BLOCK, n))
         for i, adjoint, matrix in self.backward(motion):
-            place = i % BLOCK
-            adjoints[place] = adjoint
+            place, columns = i % BLOCK, self._left(i)
+            steps[place] = -(adjoint @ columns)
+            covariances[place] = smoothed_covariance(matrix, columns)
             factors = None if activity is None else activity[i]
             squared[place], determined[place] = motion.disturbance(adjoint, matrix, factors)
             if i == 0:  # nothing led to the first frame
                 squared[0] = determined[0] = 0.0
-            _times(matrix, self._columns[i].astype(float, copy=False), out=products[place])
             if place == 0:
-                length, left = stop - i, self._columns[i:stop].astype(float, copy=False)
-                covariance = left.transpose(0, 2, 1) @ products[:length]
-                np.subtract(left[:, :n], covariance, out=covariance)
-                step = -(adjoints[:length] @ left)[:, 0]
+                length = stop - i
                 found = Disturbances(squared[:length].copy(), determined[:length].copy())
-                yield Smoothed(slice(i, stop), step, covariance, found)
+                yield Smoothed(slice(i, stop), steps[:length].copy(), covariances[:length].copy(), found)
                 stop = i
 
-
-def _times(matrix: Blocks, columns: Floats, out: Floats) -> Floats:
-    """Return X C for columns C of shape (2 * n, n), in `out`."""
-    n = columns.shape[1]
-    np.matmul(left_half(matrix), columns[:n], out=out)
-    add_product(out, 1, right_half(matrix), columns[n:])
-    return out
+    def _left(self, frame: int) -> Floats:
+        """Return the columns of a prediction's covariance that belong to positions, (2 * n_dof, n_dof)."""
+        return np.asarray(self._columns[frame], dtype=float)

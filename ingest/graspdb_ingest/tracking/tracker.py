@@ -133,35 +133,69 @@ def track_hand(
     least = np.zeros(len(hand.markers)) if marker_sd is None else marker_sd
     deviations = np.maximum(least, noise.marker_sd)
     passes = _Passes(hand, rate, prior, parameters, glove, noise, deviations, len(markers))
+    usual, parts = np.ones((len(markers), hand.n_dof)), parts_of(hand)
+    first = _first_pass(passes, markers, rate, deviations, usual)
+    # What the first pass left out stays out, and the later ones gate nothing: where a hand that kept still
+    # sets out, a calm filter would take its markers for wrong.
+    repaired, later = without(markers, first.faults), passes.without_gate()
+    repaired[first.rejected] = np.nan
+    track, disturbances = first.track, first.disturbances
+    relabelled = without(markers, [fault for fault in first.faults if fault.kind == "swapped"])
+    if not np.array_equal(repaired, first.used, equal_nan=True):
+        track, disturbances = later.track(relabelled, repaired, usual)
+    left = np.where(track.used[..., None], track.residuals, np.nan) / deviations[:, None]
+    ratio = noise_ratio(left, disturbances, rate)
+    activity = next_activity(disturbances, parts, rate, usual, ratio)
+    activity = next_activity(later.disturbances(repaired, activity), parts, rate, activity, ratio)
+    return replace(later.track(relabelled, repaired, activity)[0], faults=first.faults)
+
+
+@dataclass(frozen=True)
+class _FirstPass:
+    """What a gated pass with the usual process noise shows.
+
+    Attributes
+    ----------
+    track : HandTrack
+        The hand as it was tracked.
+    disturbances : Disturbances
+        What moved it.
+    faults : tuple of Fault
+        Which labels were not on their markers.
+    rejected : ndarray of bool, shape (n_frames, n_markers)
+        Markers that did not pass the gate, but for exchanged ones that are put right.
+    used : ndarray, shape (n_frames, n_markers, 3)
+        Markers as the pass used them [m], NaN where it used none.
+    """
+
+    track: HandTrack
+    disturbances: Disturbances
+    faults: tuple[Fault, ...]
+    rejected: Bools
+    used: Floats
+
+
+def _first_pass(
+    passes: "_Passes", markers: Floats, rate: float, deviations: Floats, usual: Floats
+) -> _FirstPass:
+    """Track with a gate, and judge which markers are faulty."""
     frozen = list(find_frozen(markers, rate))
     kept = without(markers, frozen)
     suspects = find_breaks(kept, rate, float(deviations.max()))
     trusted = without(kept, [replace(suspect, kind="jumping") for suspect in suspects])
-    usual = np.ones((len(markers), hand.n_dof))
     track, disturbances = passes.track(markers, trusted, usual)
     modelled = markers - track.residuals
-    rejected = visible(trusted) & ~track.used
-    swaps = list(find_swaps(trusted, modelled, rejected))
-    put_right, rejected = _put_right(trusted, rejected, swaps)
+    outside = visible(trusted) & ~track.used
+    swaps = list(find_swaps(trusted, modelled, outside))
+    put_right, rejected = _put_right(trusted, outside, swaps)
     faults = (
         *frozen,
         *judge(suspects, kept, modelled, rate),
         *swaps,
         *find_drifts(put_right - modelled, rejected, rate, deviations),
     )
-    repaired, parts = without(markers, faults), parts_of(hand)
-    # What the first pass left out stays out, and the later ones gate nothing: where a hand that kept still
-    # sets out, a calm filter would take its markers for wrong.
-    repaired[rejected] = np.nan
-    later = passes.without_gate()
-    if not np.array_equal(repaired, np.where(rejected[..., None], np.nan, trusted), equal_nan=True):
-        track, disturbances = later.track(without(markers, swaps), repaired, usual)
-    left = np.where(track.used[..., None], track.residuals, np.nan) / deviations[:, None]
-    ratio = noise_ratio(left, disturbances, rate)
-    activity = next_activity(disturbances, parts, rate, usual, ratio)
-    activity = next_activity(later.disturbances(repaired, activity), parts, rate, activity, ratio)
-    relabelled = without(markers, [fault for fault in faults if fault.kind == "swapped"])
-    return replace(later.track(relabelled, repaired, activity)[0], faults=faults)
+    used = np.where(outside[..., None], np.nan, trusted)
+    return _FirstPass(track, disturbances, faults, rejected, used)
 
 
 def _put_right(markers: Floats, rejected: Bools, swaps: list[Fault]) -> tuple[Floats, Bools]:

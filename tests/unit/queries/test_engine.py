@@ -214,7 +214,7 @@ ATTACKS = [
     "SELECT * FROM query('COPY contacts TO ''{outside}/x.csv''')",
     "SELECT * FROM query('SET threads = 1')",
     "SELECT * FROM query('ATTACH ''{outside}/x.db''')",
-    "WITH RECURSIVE t AS (SELECT 1 UNION ALL SELECT 1 FROM t, read_text('{outside}/secret.csv')) SELECT * FROM t",
+    "WITH RECURSIVE t AS (SELECT 1 UNION ALL FROM t, read_text('{outside}/secret.csv')) FROM t",
     "SELECT (FROM read_text('{outside}/secret.csv') LIMIT 1)",
     "SELECT * FROM contacts JOIN LATERAL (SELECT * FROM read_text('{outside}/secret.csv')) ON true",
     "SELECT list(content) FROM read_text('{outside}/secret.csv')",
