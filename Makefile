@@ -1,7 +1,7 @@
 # Every target makes the environment in .venv first, system libraries included, where that is not done yet.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-lowest fuzz lint types bench docs lock clean
+.PHONY: help setup demo test test-lowest fuzz lint types bench kill docs lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -35,6 +35,9 @@ types: setup ## check types
 
 bench: setup ## run the benchmarks, or NAME="similar speed" alone; print a table, write bench.json
 	.venv/bin/python tests/benchmarks/run.py $(if $(NAME),"$(NAME)")
+
+kill: setup ## kill 200 ingests, or N=20, at random moments, and see that nothing is lost
+	.venv/bin/python tests/kill_ingest.py $(N)
 
 docs: setup ## write the pages of docs/ that come from the code
 	.venv/bin/python tools/write_docs.py

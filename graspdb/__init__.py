@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from graspdb.database import Database as Database
     from graspdb.database import Info as Info
+    from graspdb.explaining import explain_ingest as explain_ingest
     from graspdb.grasp import Grasp as Grasp
     from graspdb.importing import import_data_set as import_data_set
     from graspdb.ingestion import IngestReport as IngestReport
     from graspdb.ingestion import ingest as ingest
+    from graspdb.maintenance import optimize as optimize
+    from graspdb.maintenance import remove as remove
+    from graspdb.maintenance import verify as verify
     from graspdb_ingest.importers.base import ImportOptions as ImportOptions
     from graspdb_ingest.live import HandEstimate as HandEstimate
     from graspdb_ingest.live import HandTracker as HandTracker
@@ -28,6 +32,10 @@ _HOMES = {
     "import_data_set": ("graspdb.importing", "import_data_set"),
     "ImportOptions": ("graspdb_ingest.importers.base", "ImportOptions"),
     "ingest": ("graspdb.ingestion", "ingest"),
+    "explain_ingest": ("graspdb.explaining", "explain_ingest"),
+    "optimize": ("graspdb.maintenance", "optimize"),
+    "remove": ("graspdb.maintenance", "remove"),
+    "verify": ("graspdb.maintenance", "verify"),
     "IngestReport": ("graspdb.ingestion", "IngestReport"),
     "Info": ("graspdb.database", "Info"),
     "Grasp": ("graspdb.grasp", "Grasp"),

@@ -14,12 +14,15 @@ from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
 from graspdb.commands.ingest import ingest
+from graspdb.commands.optimize import optimize
 from graspdb.commands.query import query
+from graspdb.commands.remove import remove
 from graspdb.commands.schema import schema
 from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb.commands.validate import validate
+from graspdb.commands.verify import verify
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -45,6 +48,9 @@ app.command()(similar)
 app.add_typer(export)
 app.command()(hand)
 app.add_typer(validate)
+app.command()(verify)
+app.command()(optimize)
+app.command()(remove)
 
 _FAILURE: Final = 1
 _INTERRUPTED: Final = 128 + signal.SIGINT

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
+from graspdb.store.history import AsOf, Change, read_history
 from graspdb.store.location import Location, location
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.duckdb_file import write_duckdb
@@ -22,7 +23,7 @@ from graspdb_queries.similar.placed import GraspsOn
 from graspdb_queries.similar.question import Respect
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
-from graspdb_schemas.tables import SCHEMA_VERSION, TABLES
+from graspdb_schemas.tables import TABLES
 
 EXPORTS: Final = ("duckdb",)
 """Forms that a database can be written in."""
@@ -68,6 +69,9 @@ class Database:
     ----------
     path : str or path
         The database's folder, or its URL in object storage: ``s3://bucket/folder``.
+    as_of : int or datetime, optional
+        A version that ``graspdb info --history`` names, or a time, for the state that there was then; the
+        latest unless given. A time without a zone is local.
 
     Attributes
     ----------
@@ -79,12 +83,14 @@ class Database:
     Raises
     ------
     DatabaseError
-        The folder is no database, one of a newer format, or damaged.
+        The folder is no database, one of a newer format, or damaged; or the earlier state is no longer kept.
+    ParameterError
+        There was no such state.
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(self, path: str | PathLike[str], *, as_of: AsOf | None = None) -> None:
         self.path = location(path)
-        self.snapshot: Snapshot = take_snapshot(self.path)
+        self.snapshot: Snapshot = take_snapshot(self.path, as_of)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -290,12 +296,16 @@ class Database:
         rejected = self.sql("SELECT count(*) FROM trials WHERE status = 'rejected'").rows()[0][0]
         return Info(
             path=self.path,
-            format=SCHEMA_VERSION,
+            format=self.snapshot.format,
             rows=dict(self.sql(counts).rows()),
             versions=self.snapshot.versions,
             rejected=rejected,
             several_versions=tuple(row[0] for row in self.sql(_SEVERAL_VERSIONS).rows()),
         )
+
+    def history(self) -> tuple[Change, ...]:
+        """Return the versions of the database whose log is kept, the latest first."""
+        return read_history(self.path)
 
     @cached_property
     def _engine(self) -> Engine:

@@ -1,5 +1,6 @@
 """Options that several commands have."""
 
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +26,15 @@ Workers = Annotated[
     ),
 ]
 
+AsOf = Annotated[
+    str | None,
+    typer.Option(
+        "--as-of",
+        metavar="VERSION|TIME",
+        help="An earlier state: a version of graspdb info --history, or a time such as 2026-03-01T12:00.",
+    ),
+]
+
 DEFAULT_DB = "grasps"
 
 
@@ -38,3 +48,21 @@ class Format(StrEnum):
 
 
 FormatOption = Annotated[Format, typer.Option("--format", help="Form of the answer.")]
+
+
+def parse_as_of(text: str | None) -> int | datetime | None:
+    """Return a version or a time from what a user wrote; a time without a zone is local.
+
+    Raises
+    ------
+    typer.BadParameter
+        It is neither.
+    """
+    if text is None or text.isdecimal():
+        return None if text is None else int(text)
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is neither a version nor a time such as 2026-03-01T12:00", param_hint="--as-of"
+        ) from None

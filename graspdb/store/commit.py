@@ -20,11 +20,12 @@ from graspdb.store.content import KEY_LENGTH
 from graspdb.store.fence import Patience, commit_properties, generation
 from graspdb.store.layout import bring_up_to_date, first_line, read_rows
 from graspdb.store.location import Location
+from graspdb.store.lock import writing
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
 
-_ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
+ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
 
 
 class Outcome(StrEnum):
@@ -109,6 +110,14 @@ def commit_trials(
     keys = [trial.key for trial in trials]
     if len(set(keys)) != len(keys):
         raise ParameterError("trials", max(keys, key=keys.count), "each trial once")
+    with writing(root):
+        return _commit(root, tables, trials, force)
+
+
+def _commit(
+    root: Location, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+) -> tuple[Committed, ...]:
+    keys = [trial.key for trial in trials]
     for name, table in tables.items():
         bring_up_to_date(root, name, table)
     patience = Patience(root)
@@ -119,7 +128,7 @@ def commit_trials(
             return tuple(Committed(key, Outcome.UNCHANGED) for key in keys)
         prepared, rows = _prepare(todo, state)
         for name, parts in rows.items():
-            _append(root, name, tables[name], pa.concat_tables(parts))
+            append_rows(root, name, tables[name], pa.concat_tables(parts))
         outcomes = _publish(root, tables["trials"], prepared, state, force)
         if outcomes is not None:
             return tuple(Committed(key, outcomes.get(key, Outcome.UNCHANGED)) for key in keys)
@@ -136,7 +145,7 @@ def content_key_of(ingest_id: str) -> str:
     return ingest_id[-KEY_LENGTH:]
 
 
-def _fresh_id() -> str:
+def fresh_id() -> str:
     """Return an ingest_id that no other ingest has; later ones sort after earlier ones."""
     return f"{time.time_ns():016x}-{secrets.token_hex(6)}"
 
@@ -162,12 +171,12 @@ def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], d
     for trial in trials:
         for unit in trial.units:
             if unit.content_key not in known:
-                known[unit.content_key] = f"{_fresh_id()}-{unit.content_key}"
+                known[unit.content_key] = f"{fresh_id()}-{unit.content_key}"
                 for name, table in unit.tables.items():
-                    rows.setdefault(name, []).append(_stamped(name, table, known[unit.content_key]))
-        ingest_id = _fresh_id()
+                    rows.setdefault(name, []).append(stamped(name, table, known[unit.content_key]))
+        ingest_id = fresh_id()
         for name, table in trial.tables.items():
-            rows.setdefault(name, []).append(_stamped(name, table, ingest_id))
+            rows.setdefault(name, []).append(stamped(name, table, ingest_id))
         context = {unit.content_key: known[unit.content_key] for unit in trial.units}
         prepared.append(_Prepared(trial, ingest_id, context))
     return prepared, rows
@@ -194,8 +203,11 @@ def _publish(
         keys = [item.trial.key for item in todo]
         replaced = [key for key in keys if key in state.input_keys]
         predicate = f"trial IN ({quoted(keys)})" if replaced else None
+        properties = commit_properties(
+            table, "ingest", added=len(keys) - len(replaced), replaced=len(replaced)
+        )
         try:
-            _write(root, "trials", table, rows, commit_properties(table), predicate)
+            write_rows(root, "trials", table, rows, properties, predicate)
         except CommitFailedError:
             patience.pause()
             state = _read(table, [item.trial for item in prepared])
@@ -216,27 +228,28 @@ def _trial_row(item: _Prepared, state: _State) -> pa.Table:
     row = item.trial.row
     for column, value in added.items():
         row = row.append_column(column, pa.array([value], TABLES["trials"].field(column).type))
-    return _stamped("trials", row, item.ingest_id)
+    return stamped("trials", row, item.ingest_id)
 
 
-def _stamped(name: str, table: pa.Table, ingest_id: str) -> pa.Table:
+def stamped(name: str, table: pa.Table, ingest_id: str) -> pa.Table:
     """Return a table's rows with their ingest_id, as declared."""
     stamp = pa.repeat(pa.scalar(ingest_id, pa.string()), table.num_rows)
     return conform(table.append_column("ingest_id", stamp), TABLES[name], name)
 
 
-def _append(root: Location, name: str, table: DeltaTable, rows: pa.Table) -> None:
+def append_rows(root: Location, name: str, table: DeltaTable, rows: pa.Table) -> None:
     """Append rows to a table whose rows stay unseen until `trials` names their ingest_id."""
     patience = Patience(root)
     while True:
+        # A table that was opened before its log was shortened could not be written to.
+        table.update_incremental()
         try:
-            return _write(root, name, table, rows, CommitProperties(max_commit_retries=100), None)
+            return write_rows(root, name, table, rows, CommitProperties(max_commit_retries=100), None)
         except CommitFailedError:
             patience.pause()
-            table.update_incremental()
 
 
-def _write(
+def write_rows(
     root: Location,
     name: str,
     table: DeltaTable,
@@ -247,7 +260,7 @@ def _write(
     """Append rows, or put them in the place of those that a predicate names, in one Delta commit."""
     try:
         if predicate is None:
-            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=_ZSTD)
+            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=ZSTD)
         else:
             write_deltalake(
                 table,
@@ -255,7 +268,7 @@ def _write(
                 mode="overwrite",
                 predicate=predicate,
                 commit_properties=properties,
-                writer_properties=_ZSTD,
+                writer_properties=ZSTD,
             )
     except CommitFailedError:
         raise

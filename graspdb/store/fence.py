@@ -29,12 +29,16 @@ def generation(trials: DeltaTable) -> int:
     return trials.transaction_version(SWEEP) or 0
 
 
-def commit_properties(trials: DeltaTable, sweep: bool = False) -> CommitProperties:
-    """Return properties that make a commit fail unless it follows the version that was read."""
+def commit_properties(trials: DeltaTable, action: str, **counts: int) -> CommitProperties:
+    """Return properties that make a commit fail unless it follows the version that was read.
+
+    What it does, such as ``ingest``, and to how many trials, is kept for the database's history.
+    """
     transactions = [Transaction(COMMIT, trials.version() + 1)]
-    if sweep:
+    if action == "sweep":
         transactions.append(Transaction(SWEEP, generation(trials) + 1))
-    return CommitProperties(app_transactions=transactions)
+    kept = {"graspdb.action": action, **{f"graspdb.{name}": n for name, n in counts.items()}}
+    return CommitProperties(app_transactions=transactions, custom_metadata=kept)
 
 
 class Patience:

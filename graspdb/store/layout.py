@@ -19,6 +19,9 @@ FORMAT_KEY: Final = "graspdb.format"
 FIRST_FORMAT_KEY: Final = "graspdb.first_format"
 """Table property that holds the format that a table had before it was brought up to date."""
 
+LOG_RETENTION_KEY: Final = "delta.logRetentionDuration"
+"""Table property that says how long entries of the log are kept."""
+
 _KEYS: Final = ("ingest_id", "session", "trial", "grasp", "subject", "object", "frame")
 """Columns of which the log keeps the least and greatest value of each file."""
 
@@ -106,6 +109,11 @@ def read_rows(name: str, table: DeltaTable, columns: list[str], predicate: str |
     return rows.select(columns).cast(declared).combine_chunks()
 
 
+def stored_format(table: DeltaTable) -> int:
+    """Return the format of a table that has been opened."""
+    return int(table.metadata().configuration[FORMAT_KEY])
+
+
 def written_format(table: DeltaTable) -> int:
     """Return the oldest format that files of a table may have."""
     properties = table.metadata().configuration
@@ -122,7 +130,7 @@ def bring_up_to_date(root: Location, name: str, table: DeltaTable) -> None:
     DatabaseError
         The table cannot be changed.
     """
-    while int(table.metadata().configuration[FORMAT_KEY]) < SCHEMA_VERSION:
+    while stored_format(table) < SCHEMA_VERSION:
         try:
             stored = {field.name for field in table.schema().fields}
             missing = [field for field in _delta_fields(name) if field.name not in stored]

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
 
+import pyarrow.parquet as pq
 from deltalake.fs import DeltaStorageHandler
 from pyarrow.fs import FileSelector, PyFileSystem
 
-from graspdb_queries.object_storage import OPTIONS, is_url
+from graspdb_queries.object_storage import OPTIONS, is_url, open_object
 from graspdb_schemas.errors import DatabaseError
 
 _URL: Final = re.compile(r"s3://[a-z0-9][a-z0-9.-]{1,61}[a-z0-9](/[\w.=-]+)+")
@@ -100,6 +101,26 @@ def names_in(place: Location) -> list[str]:
 def storage_options(place: Location) -> dict[str, str] | None:
     """Return the options that Delta Lake opens the tables of a database with."""
     return OPTIONS if isinstance(place, ObjectStorage) else None
+
+
+def open_parquet(file: str) -> pq.ParquetFile:
+    """Open a Parquet file by its path or URL."""
+    return pq.ParquetFile(open_object(file) if is_url(file) else Path(file))
+
+
+def size_of(file: str) -> int | None:
+    """Return the bytes of a file of a path or URL, None where there is none."""
+    if not is_url(file):
+        return Path(file).stat().st_size if Path(file).exists() else None
+    try:
+        return int(open_object(file).size())
+    except OSError:
+        return None
+
+
+def has_file(file: str) -> bool:
+    """Whether there is a file of a path or URL."""
+    return size_of(file) is not None
 
 
 def unreachable(place: object, error: Exception) -> DatabaseError:

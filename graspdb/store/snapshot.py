@@ -15,7 +15,8 @@ from deltalake.exceptions import DeltaError
 
 from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
-from graspdb.store.layout import first_line, open_table, read_rows, written_format
+from graspdb.store.history import AsOf, tables_as_of
+from graspdb.store.layout import first_line, open_table, read_rows, stored_format, written_format
 from graspdb.store.location import Location, ObjectStorage
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
@@ -32,6 +33,8 @@ class Snapshot:
     ----------
     path : Path or ObjectStorage
         The database's folder.
+    format : int
+        Version of its format.
     versions : mapping of str to int
         Version of each table.
     sources : mapping of str to TableSource
@@ -39,6 +42,7 @@ class Snapshot:
     """
 
     path: Location
+    format: int
     versions: Mapping[str, int]
     sources: Mapping[str, TableSource]
 
@@ -70,8 +74,8 @@ class CommittedIds:
         )
 
 
-def take_snapshot(root: Location) -> Snapshot:
-    """Pin one version of every table.
+def take_snapshot(root: Location, as_of: AsOf | None = None) -> Snapshot:
+    """Pin one version of every table: the latest, or those of an earlier state; see `tables_as_of`.
 
     `trials` is pinned first, so that the rows of every trial in it were written before the other tables
     are pinned. If by then a trial has been replaced or removed, a sweep may have taken its rows already,
@@ -80,24 +84,38 @@ def take_snapshot(root: Location) -> Snapshot:
     Raises
     ------
     DatabaseError
-        The folder is no database, or is damaged, or trials are replaced without end.
+        The folder is no database, or is damaged, or trials are replaced without end; or the earlier
+        state is no longer kept.
+    ParameterError
+        There was no such state.
     """
-    patience = Patience(root)
-    trials = open_table(root, "trials")
-    while True:
-        ids = committed_ids(trials)
-        tables = {name: trials if name == "trials" else open_table(root, name) for name in TABLES}
-        latest = open_table(root, "trials")
-        if latest.version() == trials.version() or ids.all_in(committed_ids(latest)):
-            break
-        trials = latest
-        patience.pause()
+    return snapshot_of(root, latest_tables(root) if as_of is None else tables_as_of(root, as_of))
+
+
+def snapshot_of(root: Location, tables: Mapping[str, DeltaTable]) -> Snapshot:
+    """Return the snapshot that open tables are."""
+    trials = tables["trials"]
+    ids = committed_ids(trials)
     rows = cache(lambda: read_rows("trials", trials, ["ingest_id", "table_rows"]))
     return Snapshot(
         path=root,
+        format=stored_format(trials),
         versions={name: table.version() for name, table in tables.items()},
         sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
     )
+
+
+def latest_tables(root: Location) -> dict[str, DeltaTable]:
+    """Open every table so that together they are one state."""
+    patience = Patience(root)
+    trials = open_table(root, "trials")
+    while True:
+        tables = {name: trials if name == "trials" else open_table(root, name) for name in TABLES}
+        latest = open_table(root, "trials")
+        if latest.version() == trials.version() or committed_ids(trials).all_in(committed_ids(latest)):
+            return tables
+        trials = latest
+        patience.pause()
 
 
 def committed_ids(trials: DeltaTable) -> CommittedIds:

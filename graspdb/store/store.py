@@ -17,6 +17,8 @@ from graspdb.store.committed import (
 from graspdb.store.content import Unit, units
 from graspdb.store.layout import create, open_table
 from graspdb.store.location import Location, ObjectStorage, location
+from graspdb.store.optimize import SAFE_RETENTION, OptimizedTable, optimize
+from graspdb.store.remove import Kind, Removed, remove
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb.store.sweep import sweep
 from graspdb_ingest.calibration_set import CalibratedHand
@@ -147,6 +149,14 @@ class Store:
             The database cannot be written, or other writers leave no turn.
         """
         return sweep(self.path, self._tables)
+
+    def remove(self, kind: Kind, keys: Sequence[str]) -> Removed:
+        """Take trials, sessions or subjects out; see `remove`."""
+        return remove(self.path, self._tables, kind, keys)
+
+    def optimize(self, retention_hours: int = SAFE_RETENTION) -> dict[str, OptimizedTable]:
+        """Sweep, join small files and delete old ones; see `optimize`."""
+        return optimize(self.path, self._tables, retention_hours)
 
     def _up_to_date(self, name: str) -> DeltaTable:
         self._tables[name].update_incremental()

@@ -5,14 +5,14 @@ from typing import Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 from deltalake import CommitProperties, DeltaTable, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from graspdb.store.commit import quoted
-from graspdb.store.fence import Patience, commit_properties
+from graspdb.store.fence import SWEEP, Patience, commit_properties, generation
 from graspdb.store.layout import first_line
-from graspdb.store.location import Location
+from graspdb.store.location import Location, open_parquet
+from graspdb.store.lock import writing
 from graspdb.store.snapshot import CommittedIds, committed_ids, table_files
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import TABLES
@@ -44,15 +44,21 @@ def sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     DatabaseError
         The database cannot be written, or other writers leave no turn.
     """
+    with writing(root):
+        return _sweep(root, tables)
+
+
+def _sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     found = {name: _ingest_ids(root, name, tables[name]) for name in TABLES if name != "trials"}
     tables["trials"].update_incremental()
     if not any(len(ids) for ids in _dead(found, committed_ids(tables["trials"])).values()):
         return {}
     committed = _bar_unfinished(root, tables["trials"])
+    number = generation(tables["trials"])
     deleted = {}
     for name, dead in _dead(found, committed).items():
         if len(dead):
-            deleted[name] = sum(_delete(root, name, tables[name], batch) for batch in _batches(dead))
+            deleted[name] = sum(_delete(root, name, tables[name], batch, number) for batch in _batches(dead))
     return deleted
 
 
@@ -66,7 +72,10 @@ def _ingest_ids(root: Location, name: str, table: DeltaTable) -> pa.Array:
     table.update_incremental()
     files = table_files(root, name, table)
     mixed = files.paths.filter(pc.invert(files.single)).to_pylist()
-    columns = (pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"] for path in mixed)
+    # Files that a delete has rewritten hold texts of another Arrow type.
+    columns = (
+        open_parquet(path).read(columns=["ingest_id"])["ingest_id"].cast(pa.string()) for path in mixed
+    )
     ids = [files.least.filter(files.single), *(column.unique() for column in columns)]
     return pa.chunked_array(ids, pa.string()).unique()
 
@@ -81,7 +90,7 @@ def _bar_unfinished(root: Location, trials: DeltaTable) -> CommittedIds:
                 trials,
                 TABLES["trials"].empty_table(),
                 mode="append",
-                commit_properties=commit_properties(trials, sweep=True),
+                commit_properties=commit_properties(trials, "sweep"),
             )
         except CommitFailedError:
             patience.pause()
@@ -98,13 +107,17 @@ def _batches(ids: pa.Array) -> Iterator[list[str]]:
         yield ids.slice(start, _BATCH).to_pylist()
 
 
-def _delete(root: Location, name: str, table: DeltaTable, ids: list[str]) -> int:
-    """Delete the rows of some ingests from a table and return how many there were."""
+def _delete(root: Location, name: str, table: DeltaTable, ids: list[str], number: int) -> int:
+    """Delete the rows of some ingests from a table and return how many there were.
+
+    The commit keeps the number of the sweep: states before that sweep are to be read from versions before it.
+    """
     patience = Patience(root)
     while True:
         try:
             metrics = table.delete(
-                f"ingest_id IN ({quoted(ids)})", commit_properties=CommitProperties(max_commit_retries=100)
+                f"ingest_id IN ({quoted(ids)})",
+                commit_properties=CommitProperties({SWEEP: number}, max_commit_retries=100),
             )
         except CommitFailedError:
             patience.pause()

@@ -28,9 +28,9 @@ def session_inputs(session: Session, parameters: IngestParameters) -> dict[str, 
     """Return everything that decides the rows of each trial, by the trial's name.
 
     That is, by a name for each part: the files (``file.recording``, ``file.object`` ...), the manifest's keys
-    (``subjects.s1.hand_length``), the recordings that the hand is calibrated from (``calibration``), the groups
-    of parameters and the software's version; the values are hashes. A changed mesh changes the inputs of its
-    object's trials alone.
+    (``subjects.s1.hand_length``), the recordings that the hand is calibrated from (``calibration``), the
+    groups of parameters and the software's version; the values are hashes. A changed mesh changes the inputs
+    of its object's trials alone.
     """
     shared = _shared(session, parameters)
     calibration = {

@@ -30,6 +30,20 @@ def is_url(text: str) -> bool:
     return "://" in text
 
 
+def open_object(url: str) -> Any:
+    """Open an object for reading; a binary file.
+
+    Raises
+    ------
+    OSError
+        There is none, or it cannot be reached.
+    """
+    from deltalake.fs import DeltaStorageHandler
+
+    place, _slash, name = url.rpartition("/")
+    return DeltaStorageHandler(place, OPTIONS).open_input_file(name)
+
+
 def read_through(connection: duckdb.DuckDBPyConnection, files: Iterable[str]) -> None:
     """Let a connection read files of which the names are URLs, if any are.
 

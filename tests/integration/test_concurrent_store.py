@@ -30,6 +30,13 @@ def sweep(path: str, times: int) -> None:
         store.sweep()
 
 
+def optimize(path: str, retention_hours: int) -> None:
+    """Optimize a number of times."""
+    store = Store.open(path)
+    for _ in range(5):
+        store.optimize(retention_hours)
+
+
 def started(target: Any, *arguments: Any) -> Any:
     process = CONTEXT.Process(target=target, args=arguments)
     process.start()
@@ -95,3 +102,48 @@ def test_readers_see_whole_states_while_others_write_and_sweep(tmp_path: Path) -
     check(path, ["a", "b"])
     Store.open(path).sweep()
     check(path, ["a", "b"])
+
+
+def test_two_ingests_and_an_optimize_beside_a_reader(tmp_path: Path) -> None:
+    """Nothing fails, nothing is lost, and what was once committed is in every later answer, whole."""
+    path = tmp_path / "db"
+    ingest(str(path), "first", False)
+    processes = [
+        started(ingest, str(path), "a", False),
+        started(ingest, str(path), "b", False),
+        started(optimize, str(path), 168),
+    ]
+    trials: set[str] = set()
+    answers = 0
+    while any(process.is_alive() for process in processes):
+        with graspdb.open(path) as database:
+            counts = """
+                SELECT trial, (SELECT count(*) FROM frames f WHERE f.trial = t.trial),
+                    (SELECT count(*) FROM grasps g WHERE g.trial = t.trial)
+                FROM trials t
+            """
+            seen = database.sql(counts).rows()
+            assert {(frames, grasps) for _, frames, grasps in seen} == {(N_FRAMES, 1)}
+            assert trials <= {trial for trial, *_ in seen}
+            trials = {trial for trial, *_ in seen}
+            assert database.sql(counts).rows() == seen, "one state, however often it is asked"
+            answers += 1
+    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert answers > 3
+    check(path, ["first", "a", "b"])
+    assert graspdb.verify(path).whole
+
+
+def test_ingests_beside_an_optimize_without_retention(tmp_path: Path) -> None:
+    path = tmp_path / "db"
+    ingest(str(path), "first", False)
+    processes = [
+        started(ingest, str(path), "a", False),
+        started(ingest, str(path), "a", True),
+        started(optimize, str(path), 0),
+    ]
+    for process in processes:
+        process.join(240)
+    assert [process.exitcode for process in processes] == [0, 0, 0]
+    check(path, ["first", "a"])
+    assert graspdb.verify(path).whole
