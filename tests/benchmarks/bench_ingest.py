@@ -110,7 +110,7 @@ def _grown(session: Path, manifest: dict[str, object]) -> None:
     for entry in objects.values():
         mesh = trimesh.load_mesh(session / entry["mesh"])
         unit = {"m": 1.0, "mm": 0.001}[entry.get("mesh_units", manifest["units"])]
-        mesh.apply_scale((AREA / (mesh.area * unit**2)) ** 0.5)
+        mesh.vertices *= (AREA / (mesh.area * unit**2)) ** 0.5
         mesh.export(session / entry["mesh"])
 
 
