@@ -1,10 +1,10 @@
 # Every target makes the environment in .venv first, system libraries included, where that is not done yet.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-lowest fuzz lint types bench kill docs lock clean
+.PHONY: help setup demo test test-lowest fuzz lint types bench kill check-exports check-export-files docs lock clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' Makefile
 
 setup: ## make .venv with graspdb and all it needs
 	@tools/setup.sh
@@ -39,6 +39,12 @@ bench: setup ## run the benchmarks, or NAME="similar speed" alone; print a table
 kill: setup ## kill 200 ingests, or N=20, at random moments, and see that nothing is lost
 	.venv/bin/python tests/kill_ingest.py $(N)
 
+check-exports: setup ## read exports with lerobot, robomimic and others, in an environment of its own (6 GB)
+	tools/check_exports.sh
+
+check-export-files: setup ## read exports with OpenSim, retarget to a robot hand, in environments of their own (2 GB)
+	tools/check_export_files.sh
+
 docs: setup ## write the pages of docs/ that come from the code
 	.venv/bin/python tools/write_docs.py
 
@@ -46,5 +52,5 @@ lock: ## write constraints.txt and constraints-lowest.txt anew
 	@tools/lock.sh
 
 clean: ## remove environments, caches and built files
-	rm -rf .venv .venv-lowest build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-lowest .venv-exports .venv-opensim .venv-retarget build dist bench.json .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

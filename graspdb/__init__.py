@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from graspdb.maintenance import optimize as optimize
     from graspdb.maintenance import remove as remove
     from graspdb.maintenance import verify as verify
+    from graspdb.training.windows import WindowDataset as WindowDataset
+    from graspdb.training.windows import WindowStream as WindowStream
     from graspdb_ingest.importers.base import ImportOptions as ImportOptions
     from graspdb_ingest.live import HandEstimate as HandEstimate
     from graspdb_ingest.live import HandTracker as HandTracker
@@ -39,6 +41,8 @@ _HOMES = {
     "IngestReport": ("graspdb.ingestion", "IngestReport"),
     "Info": ("graspdb.database", "Info"),
     "Grasp": ("graspdb.grasp", "Grasp"),
+    "WindowDataset": ("graspdb.training.windows", "WindowDataset"),
+    "WindowStream": ("graspdb.training.windows", "WindowStream"),
     "Result": ("graspdb_queries.result", "Result"),
     "HandEstimate": ("graspdb_ingest.live", "HandEstimate"),
     "HandTracker": ("graspdb_ingest.live", "HandTracker"),

@@ -9,7 +9,9 @@ import typer
 
 from graspdb.commands.check import check
 from graspdb.commands.demo import demo
+from graspdb.commands.explore import explore
 from graspdb.commands.export import export
+from graspdb.commands.figure import figure
 from graspdb.commands.hand import hand
 from graspdb.commands.import_ import import_
 from graspdb.commands.info import info
@@ -17,12 +19,14 @@ from graspdb.commands.ingest import ingest
 from graspdb.commands.optimize import optimize
 from graspdb.commands.query import query
 from graspdb.commands.remove import remove
+from graspdb.commands.report import report
 from graspdb.commands.schema import schema
 from graspdb.commands.similar import similar
 from graspdb.commands.simulate import simulate
 from graspdb.commands.sql import sql
 from graspdb.commands.validate import validate
 from graspdb.commands.verify import verify
+from graspdb.commands.view import view
 from graspdb_schemas.errors import GraspDBError
 
 app = typer.Typer(
@@ -45,7 +49,11 @@ app.command()(schema)
 app.command()(sql)
 app.command()(query)
 app.command()(similar)
-app.add_typer(export)
+app.command()(report)
+app.command()(explore)
+app.command()(view)
+app.add_typer(figure)
+app.command()(export)
 app.command()(hand)
 app.add_typer(validate)
 app.command()(verify)

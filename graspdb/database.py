@@ -1,11 +1,12 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import pyarrow as pa
 
@@ -25,11 +26,8 @@ from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import ParameterError, nearest
 from graspdb_schemas.tables import TABLES
 
-EXPORTS: Final = ("duckdb",)
-"""Forms that a database can be written in."""
-
-
 if TYPE_CHECKING:
+    from graspdb.export.run import ExportReport, Progress
     from graspdb_queries.similar.search import Search
 
 
@@ -107,6 +105,24 @@ class Database:
             del self._engine
             self.__dict__.pop("_search", None)
 
+    def session(self, name: str) -> "Database":
+        """Return this state of the database with the rows of one session alone, as a database of its own.
+
+        Raises
+        ------
+        QueryError
+            There is no such session; the message names those there are.
+        """
+        from graspdb.kept_trials import keep_session
+
+        part = copy(self)
+        for cached in ("_engine", "_search"):
+            part.__dict__.pop(cached, None)
+        part.snapshot = replace(
+            self.snapshot, sources=keep_session(self._engine, self.snapshot.sources, name)
+        )
+        return part
+
     @property
     def tables(self) -> tuple[str, ...]:
         """Names of the tables."""
@@ -159,6 +175,18 @@ class Database:
         """
         return named_query(name).run(self._engine, parameters)
 
+    def check_filter(self, where: str) -> None:
+        """Check that a text is one boolean SQL expression over the columns of `grasps`.
+
+        Raises
+        ------
+        QueryError
+            It is not.
+        """
+        from graspdb_queries.similar.where import check_filter
+
+        check_filter(self._engine, where)
+
     def grasp(self, key: str) -> Grasp:
         """Return one grasp with its arrays.
 
@@ -167,35 +195,60 @@ class Database:
         QueryError
             There is no such grasp; the message names those with names like it.
         """
-        return read_grasp(self._engine, key)
+        return replace(read_grasp(self._engine, key), database=self)
 
-    def export(self, form: str, out: str | PathLike[str], *, refuse_licences: Sequence[str] = ()) -> None:
-        """Write the database in a form that other programs read; ``graspdb export --help`` tells which.
+    def export(
+        self,
+        form: str,
+        out: str | PathLike[str],
+        *,
+        refuse_licences: Sequence[str] = (),
+        progress: "Progress | None" = None,
+        **options: Any,
+    ) -> "ExportReport":
+        """Write what a query selects in a form that other programs read; see ``graspdb export --list``.
 
         Parameters
         ----------
         form : str
-            duckdb: a DuckDB file of views on the tables.
+            Name of the form, such as ``lerobot``; duckdb is a DuckDB file of views on the tables.
         out : str or path
-            The file; there must be none yet.
+            The folder, empty or not there yet; of duckdb the file. A folder in which the same export was
+            interrupted is gone on with.
         refuse_licences : sequence of str
             Texts such as ``NC``: trials whose licence note has one of them in it are left out.
+        progress : callable, optional
+            Told how many episodes or grasps are done, and how many there are.
+        **options
+            Fields of `ExportOptions`: where, split, seed, and those that the form heeds.
 
         Raises
         ------
         ParameterError
-            There is no such form, or a text is empty.
+            There is no such form, an option is not allowed, a text is empty, or so is a side of the split.
         QueryError
-            The file is there already, or cannot be written.
+            The filter cannot be used or selects nothing; or the file is there already, or cannot be written.
+        ExportError
+            The folder is not empty, or nothing of what was selected can be exported.
+        MissingLibraryError
+            The form's library is not installed.
         """
-        if form not in EXPORTS:
-            raise ParameterError("form", form, ", ".join(EXPORTS) + nearest(form, EXPORTS))
+        from graspdb.export.options import export_options
+        from graspdb.export.run import ExportReport, run_export
+
         sources = self.snapshot.sources
         if refuse_licences:
             from graspdb.licences import without_licences
 
             sources = without_licences(self._engine, sources, refuse_licences)
-        write_duckdb(Path(out), sources)
+        asked = export_options(options)
+        if form == "duckdb":
+            if asked.given():
+                raise ParameterError("duckdb", ", ".join(asked.given()), "none of these options")
+            write_duckdb(Path(out), sources)
+            return ExportReport(form, Path(out))
+        with Engine(sources) as engine:
+            return run_export(self, engine, form, Path(out), asked, refuse_licences, progress)
 
     def similar(
         self,

@@ -1,15 +1,19 @@
 """One grasp with its arrays."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from graspdb_queries.engine import Engine
 from graspdb_schemas.errors import QueryError, nearest
 from graspdb_schemas.vocabulary import N_Q, N_SITES
+
+if TYPE_CHECKING:
+    from graspdb.database import Database
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +54,8 @@ class Grasp:
         Descriptor of the feature.
     quality : mapping of str to float
         Grasp quality indices by name.
+    database : Database or None
+        Where it comes from, which its picture in a notebook is made of; copies in other processes have none.
 
     Numbers that are missing are NaN; an array that is missing as a whole has no rows, or is all NaN.
     """
@@ -78,6 +84,16 @@ class Grasp:
     feature_normals: Floats
     descriptor: Floats
     quality: Mapping[str, float]
+    database: "Database | None" = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "database": None}
+
+    def _repr_html_(self) -> str:
+        """Return facts and, where its database is at hand, a picture, for a notebook."""
+        from graspdb.view.notebook import grasp_html
+
+        return grasp_html(self)
 
 
 def read_grasp(engine: Engine, key: str) -> Grasp:
@@ -88,15 +104,40 @@ def read_grasp(engine: Engine, key: str) -> Grasp:
     QueryError
         There is no such grasp.
     """
-    found = _rows_of(engine, "grasps", key)
-    if not found:
-        raise _no_grasp(engine, key)
-    row = found[0]
-    contacts = {contact["site"]: contact for contact in _rows_of(engine, "contacts", key)}
-    feature = next(iter(_rows_of(engine, "features", key)), {})
+    return next(read_grasps(engine, [key]))
+
+
+def read_grasps(engine: Engine, keys: Sequence[str]) -> Iterator[Grasp]:
+    """Yield grasps of a snapshot, in the order of their keys; many with as many queries as one.
+
+    Raises
+    ------
+    QueryError
+        There is no grasp of one of the keys.
+    """
+    rows = {row["grasp"]: row for row in _rows_of(engine, "grasps", keys)}
+    contacts: dict[str, list[dict[str, Any]]] = {}
+    for contact in _rows_of(engine, "contacts", keys):
+        contacts.setdefault(contact["grasp"], []).append(contact)
+    features = {row["grasp"]: row for row in _rows_of(engine, "features", keys)}
+    objects = _objects(engine, keys)
+    clouds: dict[str, pa.Table] = {}
+    for key in keys:
+        if key not in rows:
+            raise _no_grasp(engine, key)
+        cloud = objects.get(key, "")
+        if cloud not in clouds:
+            clouds[cloud] = _cloud(engine, cloud)
+        yield _grasp(rows[key], contacts.get(key, []), features.get(key, {}), clouds[cloud])
+
+
+def _grasp(
+    row: dict[str, Any], contacts: list[dict[str, Any]], feature: dict[str, Any], cloud: pa.Table
+) -> Grasp:
     points = np.array(feature.get("points") or [], dtype=np.int32)
-    cloud, normals = _cloud(engine, row["trial"], points)
-    touching = [contacts[site] for site in row["contact_sites"] or () if site in contacts]
+    positions, normals = _chosen(cloud, points)
+    by_site = {contact["site"]: contact for contact in contacts}
+    touching = [by_site[site] for site in row["contact_sites"] or () if site in by_site]
     return Grasp(
         id=row["grasp"],
         **{name: row[name] for name in ("trial", "session", "subject", "object", "side")},
@@ -112,32 +153,38 @@ def read_grasp(engine: Engine, key: str) -> Grasp:
         hull_vertices=_rows(feature.get("hull_vertices")),
         hull_faces=np.array(feature.get("hull_faces") or [], dtype=np.int32).reshape(-1, 3),
         feature_points=points,
-        feature_cloud=cloud,
+        feature_cloud=positions,
         feature_normals=normals,
         descriptor=np.array(feature.get("descriptor") or [], dtype=float),
         quality=dict(row["quality"] or ()),
     )
 
 
-def _rows_of(engine: Engine, table: str, key: str) -> list[dict[str, Any]]:
-    """Return the rows of a table that belong to a grasp."""
-    rows = engine.sql(f"SELECT * FROM {table} WHERE grasp = $grasp", {"grasp": key}).table
-    return list(rows.to_pylist())
+def _rows_of(engine: Engine, table: str, keys: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the rows of a table that belong to some grasps."""
+    statement = f"SELECT * FROM {table} WHERE grasp IN (SELECT unnest($grasps))"
+    return list(engine.sql(statement, {"grasps": list(keys)}).table.to_pylist())
 
 
-def _cloud(engine: Engine, trial: str, points: NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """Return positions and normals of points, from the very rows of the object that the trial stands on."""
-    table = engine.sql(
-        """
-        SELECT point, position, normal
-        FROM object_points
-        WHERE ingest_id IN (SELECT unnest(context) FROM trials WHERE trial = $trial)
-        """,
-        {"trial": trial},
+def _objects(engine: Engine, keys: Sequence[str]) -> dict[str, str]:
+    """Return, by grasp, the ingest_id of the very rows of the object that it stands on."""
+    statement = "SELECT grasp, object_ingest_id FROM grasp_objects WHERE grasp IN (SELECT unnest($grasps))"
+    return dict(engine.sql(statement, {"grasps": list(keys)}).rows())
+
+
+def _cloud(engine: Engine, ingest_id: str) -> pa.Table:
+    """Return the points of an object: number, position and normal."""
+    return engine.sql(
+        "SELECT point, position, normal FROM object_points WHERE ingest_id = $ingest_id",
+        {"ingest_id": ingest_id},
     ).table
-    by_point = dict(zip(table["point"].to_pylist(), range(table.num_rows), strict=True))
+
+
+def _chosen(cloud: pa.Table, points: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Return positions and normals of some points of a cloud, those that it has."""
+    by_point = dict(zip(cloud["point"].to_pylist(), range(cloud.num_rows), strict=True))
     rows = [by_point[point] for point in points.tolist() if point in by_point]
-    chosen = table.take(np.array(rows, dtype=np.int64))
+    chosen = cloud.take(np.array(rows, dtype=np.int64))
     return _rows(chosen["position"].to_pylist()), _rows(chosen["normal"].to_pylist())
 
 

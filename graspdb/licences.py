@@ -3,12 +3,10 @@
 import re
 from collections.abc import Mapping, Sequence
 
-import pyarrow as pa
-
+from graspdb.kept_trials import keep_trials
 from graspdb_queries.engine import Engine
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import ParameterError
-from graspdb_schemas.tables import SESSION_TABLES
 
 
 def refused(licence: str, texts: Sequence[str]) -> bool:
@@ -41,14 +39,11 @@ def without_licences(
     if not all(text.strip() for text in texts):
         raise ParameterError("refuse_licence", "an empty text", "a part of a licence note, such as 'NC'")
     rows = engine.sql("SELECT ingest_id, context, licence FROM trials", {}).rows()
-    kept = [row for row in rows if row[2] is None or not refused(row[2], texts)]
-    trials = pa.array([row[0] for row in kept], pa.string())
-    context = pa.array(sorted({key for row in kept for key in row[1] or ()}), pa.string())
-    return {
-        name: TableSource(
-            mixed_files=(*source.files, *source.mixed_files),
-            committed=context if name in SESSION_TABLES else trials,
-            may_lack_columns=source.may_lack_columns,
-        )
-        for name, source in sources.items()
-    }
+    return keep_trials(
+        sources,
+        [
+            (ingest_id, context)
+            for ingest_id, context, note in rows
+            if note is None or not refused(note, texts)
+        ],
+    )

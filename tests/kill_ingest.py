@@ -185,6 +185,8 @@ def main() -> int:
     parser.add_argument("rounds", nargs="?", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    # The server of processes looks for what it is to load here, and nowhere else.
+    os.environ["PYTHONPATH"] = str(Path(__file__).parent)
     CONTEXT.set_forkserver_preload(["kill_ingest"])
     rng = random.Random(arguments.seed)
     faults = 0

@@ -71,6 +71,16 @@ install_packages() {
     "${apt[@]}" install -y --no-install-recommends "$@" </dev/null || stop "apt-get failed." "$remedy"
 }
 
+# The tests of pages drive a browser; nothing else needs one, so setting up goes on without.
+browser_for_tests() {
+    local name
+    for name in chromium chromium-browser google-chrome; do
+        if command -v "$name" >/dev/null; then return; fi
+    done
+    (install_packages chromium) ||
+        echo "setup: no Chromium was found or installed; the tests in tests/browser will fail until there is one." >&2
+}
+
 # A change of any of these makes the environment anew.
 fingerprint() {
     echo "$PWD"
@@ -85,6 +95,7 @@ python=$(find_python)
 packages=$(missing_packages "$python")
 # shellcheck disable=SC2086  # one word a package
 [ -z "$packages" ] || install_packages $packages
+browser_for_tests
 
 echo "setup: making $venv with $("$python" --version) and the versions in $constraints"
 "$python" -m venv --clear "$venv"

@@ -1,7 +1,8 @@
 """Answers, in the form that the asker works with."""
 
+import html
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow as pa
 
@@ -10,6 +11,12 @@ from graspdb_schemas.errors import MissingLibraryError
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
+
+SHOWN_ROWS: Final = 20
+"""Rows that a notebook shows of an answer."""
+
+_CELL: Final = 60
+"""Characters of a cell that it shows."""
 
 
 @dataclass(frozen=True)
@@ -69,3 +76,20 @@ class Result:
         except ImportError as error:
             raise MissingLibraryError("polars", str(error), "Install it: pip install polars") from error
         return polars.DataFrame(self.table)
+
+    def _repr_html_(self) -> str:
+        """Return the first rows as a table, for a notebook."""
+        names = "".join(f"<th>{html.escape(name)}</th>" for name in self.columns)
+        few = Result(self.table.slice(0, SHOWN_ROWS)).rows()
+        lines = ("".join(f"<td>{html.escape(_shown(value))}</td>" for value in row) for row in few)
+        body = "".join(f"<tr>{line}</tr>" for line in lines)
+        rest = f", the first {SHOWN_ROWS} are shown" if len(self) > SHOWN_ROWS else ""
+        count = "1 row" if len(self) == 1 else f"{len(self):,} rows"
+        table = f"<table><thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>"
+        return f"<div>{table}<p>{count}{rest}</p></div>"
+
+
+def _shown(value: Any) -> str:
+    """Return a value as a cell of a table: few digits, and the beginning of what is long."""
+    text = "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _CELL else f"{text[: _CELL - 1]}…"

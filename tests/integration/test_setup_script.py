@@ -71,6 +71,7 @@ def machine(tmp_path: Path) -> Machine:
     result = Machine(tmp_path)
     result.put("python3", PYTHON)
     result.put("apt-get", NOTES_ITSELF)
+    result.put("chromium", NOTES_ITSELF)
     result.user(1000)
     return result
 
@@ -132,6 +133,22 @@ def test_root_installs_what_is_missing_and_goes_on(machine: Machine) -> None:
     update, install = [line for line in machine.log if line.startswith("apt-get")]
     assert update.endswith(" update")
     assert install.endswith(" install -y --no-install-recommends libegl1 libx11-6")
+    assert (machine.root / ".venv" / "bin" / "python").exists()
+
+
+def test_root_installs_a_browser_where_there_is_none(machine: Machine) -> None:
+    (machine.root / "bin" / "chromium").unlink()
+    machine.user(0)
+    assert machine.setup().returncode == 0
+    assert [line for line in machine.log if line.startswith("apt-get") and line.endswith(" chromium")]
+
+
+def test_without_a_browser_and_root_it_says_which_tests_will_fail(machine: Machine) -> None:
+    (machine.root / "bin" / "chromium").unlink()
+    done = machine.setup()
+    assert done.returncode == 0
+    assert "apt-get install chromium" in done.stderr
+    assert "tests/browser will fail" in done.stderr
     assert (machine.root / ".venv" / "bin" / "python").exists()
 
 

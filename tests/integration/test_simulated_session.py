@@ -1,5 +1,6 @@
 """A simulated session from its files to its rows, against the truth that made it."""
 
+import importlib.util
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from graspdb.simulate.accuracy import Accuracy, measure_accuracy
 from graspdb.store import Outcome
 from graspdb_queries.named import named_queries, named_query
 
+TOOLS = Path(__file__).parents[2] / "tools"
 NOISE = NoiseParameters(marker_sd=0.001, skin_sd=0.0, occlusion=0.0, swaps=0.0)
 
 
@@ -108,3 +110,18 @@ def test_force_replaces_without_doubling(session: Path, db: Path) -> None:
     assert {trial.outcome for trial in report.trials} == {Outcome.REPLACED}
     with graspdb.open(db) as database:
         assert database.info().rows == before
+
+
+def test_the_tutorial_runs_on_it(db: Path, tmp_path: Path) -> None:
+    spec = importlib.util.spec_from_file_location("run_tutorial", TOOLS / "run_tutorial.py")
+    assert spec is not None
+    assert spec.loader is not None
+    tutorial = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tutorial)
+    notebook = tutorial.run(db, tmp_path)
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    kinds = [kind for output in shown for kind in output.get("data", ())]
+    assert kinds.count("text/html") >= 7
+    assert "image/png" in kinds
+    assert not [output for output in shown if output.get("name") == "stderr"]
+    assert (tmp_path / "grasp.html").stat().st_size > 500_000

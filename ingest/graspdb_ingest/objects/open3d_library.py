@@ -3,6 +3,8 @@
 import importlib
 import re
 from collections.abc import Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from types import MappingProxyType, ModuleType
 from typing import Final
 
@@ -32,7 +34,9 @@ def load_open3d() -> ModuleType:
         If it, or a system library that it needs, is not installed; with the package to install.
     """
     try:
-        return importlib.import_module("open3d")
+        # In a notebook Open3D tells of its own viewer there, which nothing here uses.
+        with redirect_stdout(StringIO()):
+            return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
         raise MissingLibraryError("Open3D", str(error), _remedy(str(error))) from error
 

@@ -107,6 +107,10 @@ class Similar:
         columns["shared_sites"] = [" ".join(hit.shared_sites) for hit in self.hits]
         return Result(pa.table(columns))
 
+    def _repr_html_(self) -> str:
+        """Return the hits as a table, for a notebook."""
+        return self.table()._repr_html_()
+
     def as_json(self) -> dict[str, object]:
         """Return the answer as plain values, for JSON."""
         described = {key: getattr(self, key) for key in ("query", "by", "mode", "where", "searched")}

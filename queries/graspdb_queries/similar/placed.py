@@ -122,6 +122,10 @@ class GraspsOn:
         columns["penetration_mm"] = [1e3 * hit.penetration for hit in hits]
         return Result(pa.table(columns))
 
+    def _repr_html_(self) -> str:
+        """Return the hits as a table, for a notebook."""
+        return self.table()._repr_html_()
+
     def as_json(self) -> dict[str, Any]:
         """Return the answer as plain values, for JSON."""
         values = {name: value for name, value in vars(self).items() if name != "hits"}

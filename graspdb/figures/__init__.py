@@ -1,0 +1,1 @@
+"""Still pictures for papers: PNG, SVG and PDF, without a display."""
