@@ -1,7 +1,7 @@
 # Every target makes the environment in .venv first, system libraries included, where that is not done yet.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-lowest lint types bench kill check-exports check-export-files docs lock clean
+.PHONY: help setup demo test test-lowest fuzz lint types bench kill check-exports check-export-files docs lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' Makefile
@@ -22,6 +22,9 @@ test: setup ## run the tests
 test-lowest: ## run the tests with the lowest versions that pyproject.toml allows
 	@tools/setup.sh .venv-lowest constraints-lowest.txt
 	.venv-lowest/bin/python -m pytest
+
+fuzz: setup ## check 10,000 damaged sessions, in one process with 2 GB
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv/bin/python tests/fuzz.py 10000
 
 lint: setup ## check style and docstrings
 	.venv/bin/ruff check .

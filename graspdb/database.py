@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
 from graspdb.store.history import AsOf, Change, read_history
+from graspdb.store.location import Location, location
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb_queries.duckdb_file import write_duckdb
 from graspdb_queries.engine import Engine, Stream
@@ -35,8 +36,8 @@ class Info:
 
     Attributes
     ----------
-    path : Path
-        Its folder.
+    path : Path or ObjectStorage
+        Where it is.
     format : int
         Version of its format.
     rows : mapping of str to int
@@ -50,7 +51,7 @@ class Info:
         description has changed and not every trial was ingested again.
     """
 
-    path: Path
+    path: Location
     format: int
     rows: Mapping[str, int]
     versions: Mapping[str, int]
@@ -64,15 +65,15 @@ class Database:
     Parameters
     ----------
     path : str or path
-        The database's folder.
+        The database's folder, or its URL in object storage: ``s3://bucket/folder``.
     as_of : int or datetime, optional
         A version that ``graspdb info --history`` names, or a time, for the state that there was then; the
         latest unless given. A time without a zone is local.
 
     Attributes
     ----------
-    path : Path
-        The database's folder.
+    path : Path or ObjectStorage
+        Where the database is.
     snapshot : Snapshot
         The pinned version of every table.
 
@@ -85,7 +86,7 @@ class Database:
     """
 
     def __init__(self, path: str | PathLike[str], *, as_of: AsOf | None = None) -> None:
-        self.path = Path(path)
+        self.path = location(path)
         self.snapshot: Snapshot = take_snapshot(self.path, as_of)
 
     def __enter__(self) -> Self:

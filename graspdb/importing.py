@@ -7,9 +7,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from graspdb.engines import Engine, EngineName, make_engine
 from graspdb.ingestion import IngestReport, Progress, TrialReport, trial_report
 from graspdb.store import Outcome, Store
 from graspdb_ingest.importers.base import ClipSource, ImportOptions, ObjectSource
@@ -37,7 +37,7 @@ def import_data_set(
     *,
     options: ImportOptions | None = None,
     fit: bool = False,
-    workers: int = 1,
+    workers: int | None = None,
     force: bool = False,
     parameters: IngestParameters | None = None,
     progress: Progress | None = None,
@@ -51,13 +51,14 @@ def import_data_set(
     path : path
         The data set's folder, or a file of it.
     db : path
-        The database's folder; made where there is none.
+        The database's folder, or its URL in object storage; made where there is none.
     options : ImportOptions, optional
         What the files do not say.
     fit : bool
         Whether to fit the hand model to the key points, so that rows have joint angles.
-    workers : int
-        Processes that read and follow clips side by side. The rows do not depend on it.
+    workers : int, optional
+        Processes that read and follow clips side by side; as many as there are cores unless given. The rows
+        do not depend on it.
     force : bool
         Whether to import unchanged clips too, and replace their rows.
     parameters : IngestParameters, optional
@@ -79,8 +80,6 @@ def import_data_set(
     DatabaseError
         If the folder is no database, or cannot be written.
     """
-    if workers < 1:
-        raise ParameterError("workers", workers, "1 or more")
     chosen = importer(form)
     options = options or ImportOptions()
     check_options(options)
@@ -94,15 +93,15 @@ def import_data_set(
     _refuse_twice(sources)
     store = Store.create_or_open(db)
     todo, reports = _to_do(job, sources, store, force)
-    subjects = _survey(job, sources, todo, workers)
-    for batch in _processed(job, todo, subjects, workers):
-        store.commit_session(batch.session)
-        for rows, done in zip(batch.clips, store.commit_trials(batch.clips, force=force), strict=True):
-            report = trial_report(rows, done.outcome)
-            reports.append(report)
-            if progress is not None:
-                progress(report, len(todo))
-    return IngestReport(job.session, Path(db), tuple(reports))
+    with make_engine(EngineName.LOCAL, workers, at_most=-(-len(todo) // CLIPS_PER_COMMIT)) as engine:
+        subjects = _survey(engine, job, sources, todo)
+        for batch in _processed(engine, job, todo, subjects):
+            store.commit_session(batch.session)
+            for rows, done in zip(batch.clips, store.commit_trials(batch.clips, force=force), strict=True):
+                reports.append(trial_report(rows, done.outcome))
+                if progress is not None:
+                    progress(reports[-1], len(todo))
+    return IngestReport(job.session, store.path, tuple(reports))
 
 
 def _refuse_twice(sources: Sequence[ClipSource]) -> None:
@@ -128,19 +127,15 @@ def _to_do(
 
 
 def _survey(
-    job: ImportJob, sources: Sequence[ClipSource], todo: Sequence[ClipSource], workers: int
+    engine: Engine, job: ImportJob, sources: Sequence[ClipSource], todo: Sequence[ClipSource]
 ) -> Mapping[str, SurveyedSubject]:
     """Measure the hands of every subject that there is something to do of, on all its clips."""
     clips: dict[str, list[ClipSource]] = {source.subject: [] for source in todo}
     for source in sources:
         if source.subject in clips:
             clips[source.subject].append(source)
-    tasks = (
-        delayed(survey)(name, own, job.importer, job.options, job.parameters, job.fit)
-        for name, own in clips.items()
-    )
-    found = Parallel(n_jobs=min(workers, max(1, len(clips))))(tasks)
-    return {subject.name: subject for subject in found}
+    calls = ((name, own, job.importer, job.options, job.parameters, job.fit) for name, own in clips.items())
+    return {subject.name: subject for done in engine.run(survey, calls) for subject in done}
 
 
 @dataclass(frozen=True)
@@ -152,22 +147,20 @@ class _Batch:
 
 
 def _processed(
-    job: ImportJob,
-    todo: Sequence[ClipSource],
-    subjects: Mapping[str, SurveyedSubject],
-    workers: int,
+    engine: Engine, job: ImportJob, todo: Sequence[ClipSource], subjects: Mapping[str, SurveyedSubject]
 ) -> Iterator[_Batch]:
     """Yield clips, object by object, as they are done."""
     by_object: dict[str, list[ClipSource]] = {}
     for source in todo:
         by_object.setdefault("" if source.object is None else source.object.name, []).append(source)
-    tasks = (
-        delayed(_process)(job, batch, {s.subject: subjects[s.subject] for s in batch})
+    calls = (
+        (job, batch, {s.subject: subjects[s.subject] for s in batch})
         for clips in by_object.values()
         for start in range(0, len(clips), CLIPS_PER_COMMIT)
         if (batch := clips[start : start + CLIPS_PER_COMMIT])
     )
-    yield from Parallel(n_jobs=workers, return_as="generator", pre_dispatch=workers)(tasks)
+    for done in engine.run(_process, calls):
+        yield from done
 
 
 def _process(

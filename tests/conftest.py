@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# pytest runs a process a core already; in it, one worker follows trials unless a test says otherwise.
+os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
+
 # The same examples on every run, and no limit of time, which a busy machine would break.
 settings.register_profile("graspdb", derandomize=True, deadline=None)
 settings.load_profile("graspdb")

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from graspdb_ingest.check import SessionReport, TrialReport
+    from graspdb_ingest.check_objects import ObjectReport
 
 
 def check(
@@ -19,9 +20,10 @@ def check(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Read every recording of a session and report frames, markers, gaps and rigidity; write nothing.
+    """Read every recording and object of a session and report what is in them; write nothing.
 
-    The exit status is 1 if the manifest has problems, or a recording or hand model cannot be read.
+    Of recordings that is frames, markers, gaps and rigidity. The exit status is 1 if the manifest has
+    problems, or a recording, an object or a hand model cannot be used.
     """
     from rich.console import Console
 
@@ -72,13 +74,17 @@ def _print_report(report: "SessionReport", console: "Console") -> None:
     for kind, trials in (("trial", report.trials), ("calibration", report.calibrations)):
         for trial in trials:
             _print_trial(kind, trial, console)
+    for thing in report.objects:
+        _print_object(thing, console)
     for problem in report.hands:
         console.print(f"\n{problem}", markup=False, highlight=False, soft_wrap=True)
     recordings = (*report.trials, *report.calibrations)
     bad = [trial.name for trial in recordings if trial.problem]
     warned = sum(bool(trial.warnings) for trial in recordings)
     console.print(
-        f"\n{len(recordings)} recordings, {len(bad)} unreadable, {warned} with warnings", highlight=False
+        f"\n{len(recordings)} recordings, {len(bad)} unreadable, {warned} with warnings; "
+        f"{len(report.objects)} objects, {sum(bool(thing.problem) for thing in report.objects)} unusable",
+        highlight=False,
     )
 
 
@@ -104,6 +110,22 @@ def _print_trial(kind: str, trial: "TrialReport", console: "Console") -> None:
     if trial.distances:
         console.print(_distance_table(trial))
     for warning in trial.warnings:
+        console.print(f"  warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _print_object(thing: "ObjectReport", console: "Console") -> None:
+    from rich.markup import escape
+
+    console.print(
+        f"\nobject [bold]{escape(thing.name)}[/bold]  {escape(thing.file)}", highlight=False, soft_wrap=True
+    )
+    if thing.problem:
+        console.print(f"  cannot be used: {thing.problem}", markup=False, highlight=False, soft_wrap=True)
+        return
+    kind = f"{thing.n_faces} triangles, {'' if thing.watertight else 'not '}watertight"
+    size = " x ".join(f"{1000 * extent:.1f}" for extent in thing.extents)
+    console.print(f"  {kind if thing.n_faces else f'{thing.n_vertices} points'}; {size} mm", highlight=False)
+    for warning in thing.warnings:
         console.print(f"  warning: {warning}", markup=False, highlight=False, soft_wrap=True)
 
 

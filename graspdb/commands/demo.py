@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from graspdb.commands.options import Workers
+
 GRASPS = """
     SELECT object, subject, count(*) AS grasps, round(avg(n_contacts), 1) AS contacts,
            round(avg(1000 * grip_aperture), 0) AS aperture_mm,
@@ -17,7 +19,7 @@ def demo(
     directory: Annotated[
         Path, typer.Argument(metavar="[DIR]", help="Folder for session and database; empty or absent.")
     ] = Path("demo"),
-    workers: Annotated[int, typer.Option(min=1, help="Processes that follow trials side by side.")] = 2,
+    workers: Workers = None,
 ) -> None:
     """Simulate a session, ingest it, and show what came out.
 
@@ -35,7 +37,7 @@ def demo(
         typer.echo(f"Simulating three people grasping a bottle, a mug and a milk jug into {session} ...")
         simulate_session(session, subjects=3, trials=1, seed=0)
     typer.echo(f"Ingesting it into {db} ...")
-    report = run_with_progress(session, db, workers=workers)
+    report = run_with_progress(session, str(db), workers=workers)
     typer.echo(summary(report))
     with graspdb.open(db) as database:
         typer.echo("\nGrasps by object and subject:")

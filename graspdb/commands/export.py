@@ -82,7 +82,8 @@ def export(
     with Database(db) as database, _progress_bar() as advance:
         report = database.export(form, out, refuse_licences=refuse_licence or (), progress=advance, **options)
     if form == "duckdb" and not as_json:
-        typer.echo(f"Wrote {out}: views on {db.resolve()}")
+        place = database.path.resolve() if isinstance(database.path, Path) else database.path
+        typer.echo(f"Wrote {out}: views on {place}")
         return
     typer.echo(json.dumps(_plain(report), indent=2) if as_json else _summary(report))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from graspdb.commands.ingest import plain, progress_bar, summary
-from graspdb.commands.options import DEFAULT_DB, Db, Json
+from graspdb.commands.options import DEFAULT_DB, Db, Json, Workers
 
 if TYPE_CHECKING:
     from graspdb.ingestion import IngestReport
@@ -48,7 +48,7 @@ def import_(
     fit: Annotated[
         bool, typer.Option("--fit", help="Fit the hand model to the key points, for joint angles.")
     ] = False,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that follow clips side by side.")] = 1,
+    workers: Workers = None,
     force: Annotated[bool, typer.Option("--force", help="Import unchanged clips too.")] = False,
     surface: Annotated[
         str, typer.Option(metavar="NAME", help="Surface of the hand: spheres, capsules or skin.")

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -46,11 +45,12 @@ def info(
         typer.echo(f"Some trials stand on an older version of {name}: ingest its session again.")
 
 
-def _history(db: Path, as_json: bool) -> None:
+def _history(db: str, as_json: bool) -> None:
     """Print the versions of a database."""
     from graspdb.store.history import read_history
+    from graspdb.store.location import location
 
-    changes = read_history(db)
+    changes = read_history(location(db))
     if as_json:
         typer.echo(json.dumps([asdict(change) for change in changes], indent=2, default=str))
         return

@@ -1,6 +1,7 @@
 """``graspdb ingest``: sessions into a database."""
 
 import json
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from graspdb.commands.options import DEFAULT_DB, Db, Json
+from graspdb.commands.options import DEFAULT_DB, Db, Json, Workers
 
 if TYPE_CHECKING:
     from graspdb.ingestion import IngestReport, Progress, TrialReport
@@ -20,7 +21,11 @@ def ingest(
         list[Path], typer.Argument(metavar="SESSION...", help="Folders of sessions, or their manifests.")
     ],
     db: Db = DEFAULT_DB,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that follow trials side by side.")] = 1,
+    workers: Workers = None,
+    engine: Annotated[
+        str,
+        typer.Option(metavar="ENGINE", help="local: processes of this machine; ray: a Ray cluster."),
+    ] = "local",
     data_root: Annotated[
         Path | None, typer.Option(help="Folder of the manifest's files, if not the session's own.")
     ] = None,
@@ -43,7 +48,9 @@ def ingest(
         _explain(sessions, db, data_root, force, surface, as_json)
         return
     reports = [
-        run_with_progress(session, db, workers=workers, data_root=data_root, force=force, surface=surface)
+        run_with_progress(
+            session, db, workers=workers, engine=engine, data_root=data_root, force=force, surface=surface
+        )
         for session in sessions
     ]
     if as_json:
@@ -56,7 +63,7 @@ def ingest(
 
 
 def _explain(
-    sessions: list[Path], db: Path, data_root: Path | None, force: bool, surface: str, as_json: bool
+    sessions: list[Path], db: str, data_root: Path | None, force: bool, surface: str, as_json: bool
 ) -> None:
     """Print what would be done with each trial, and why."""
     from graspdb.explaining import explain_ingest
@@ -86,9 +93,10 @@ def _explain(
 
 def run_with_progress(
     session: Path,
-    db: Path,
+    db: str,
     *,
-    workers: int,
+    workers: int | None,
+    engine: str = "local",
     data_root: Path | None = None,
     force: bool = False,
     surface: str = "spheres",
@@ -102,6 +110,7 @@ def run_with_progress(
             session,
             db,
             workers=workers,
+            engine=engine,
             data_root=data_root,
             force=force,
             parameters=IngestParameters(contact=ContactParameters(surface=surface)),
@@ -111,19 +120,42 @@ def run_with_progress(
 
 @contextmanager
 def progress_bar(beginning: str) -> "Iterator[Progress]":
-    """Show a progress bar on standard error, with a text until the first trial is done."""
+    """Show trials done, their rate and the time left on standard error, and a text until the first is done.
+
+    Where Ctrl-C ends it, it says how many trials are safe.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
-        bar = bars.add_task(beginning, total=None)
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    start = time.monotonic()
+    with Bars(*columns, console=console, transient=True) as bars:
+        bar = bars.add_task(beginning, total=None, rate="")
 
         def advance(report: "TrialReport", total: int) -> None:
-            bars.update(bar, total=total, advance=1, description=report.trial)
+            a_minute = 60 * (bars.tasks[0].completed + 1) / (time.monotonic() - start)
+            bars.update(
+                bar, total=total, advance=1, description=report.trial, rate=f"{a_minute:.3g} trials/min"
+            )
 
-        yield advance
+        try:
+            yield advance
+        except KeyboardInterrupt:
+            done, total = int(bars.tasks[0].completed), bars.tasks[0].total
+            counted = f"{done} of {int(total)} trials" if total else "no trial"
+            bars.stop()
+            console.print(
+                f"interrupted: {counted} committed, and safe; run again to do the rest", highlight=False
+            )
+            raise
 
 
 def summary(report: "IngestReport") -> str:

@@ -7,11 +7,23 @@ from typing import Annotated
 
 import typer
 
-Db = Annotated[Path, typer.Option("--db", envvar="GRASPDB", metavar="DIR", help="Folder of the database.")]
+Db = Annotated[
+    str,
+    typer.Option(
+        "--db", envvar="GRASPDB", metavar="DB", help="Folder of the database, or s3://bucket/folder."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write here instead of to standard output."),
+]
+
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=1, show_default="as many as there are cores", help="Trials that are worked on side by side."
+    ),
 ]
 
 AsOf = Annotated[
@@ -23,7 +35,7 @@ AsOf = Annotated[
     ),
 ]
 
-DEFAULT_DB = Path("grasps")
+DEFAULT_DB = "grasps"
 
 
 class Format(StrEnum):

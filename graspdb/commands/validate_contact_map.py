@@ -66,7 +66,7 @@ def contact_map(
         _print(found)
 
 
-def _hands(db: Path, grasps: "Sequence[str]") -> "tuple[HandPoints, ...]":
+def _hands(db: str, grasps: "Sequence[str]") -> "tuple[HandPoints, ...]":
     from graspdb.database import Database
     from graspdb.validation.grasp_hand import hand_of_grasp
 

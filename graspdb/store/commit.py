@@ -8,7 +8,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
@@ -20,6 +19,7 @@ from graspdb.store.bundle import Trial
 from graspdb.store.content import KEY_LENGTH
 from graspdb.store.fence import Patience, commit_properties, generation
 from graspdb.store.layout import bring_up_to_date, first_line, read_rows
+from graspdb.store.location import Location
 from graspdb.store.lock import writing
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
@@ -85,13 +85,13 @@ class _Prepared:
 
 
 def commit_trials(
-    root: Path, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+    root: Location, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
 ) -> tuple[Committed, ...]:
     """Commit trials together: all of them become visible in one step, or none.
 
     Parameters
     ----------
-    root : Path
+    root : Path or ObjectStorage
         The database's folder, for messages.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
@@ -115,7 +115,7 @@ def commit_trials(
 
 
 def _commit(
-    root: Path, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+    root: Location, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
 ) -> tuple[Committed, ...]:
     keys = [trial.key for trial in trials]
     for name, table in tables.items():
@@ -183,7 +183,7 @@ def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], d
 
 
 def _publish(
-    root: Path, table: DeltaTable, prepared: Sequence[_Prepared], state: _State, force: bool
+    root: Location, table: DeltaTable, prepared: Sequence[_Prepared], state: _State, force: bool
 ) -> dict[str, Outcome] | None:
     """Write the rows in `trials`: the commit point.
 
@@ -237,7 +237,7 @@ def stamped(name: str, table: pa.Table, ingest_id: str) -> pa.Table:
     return conform(table.append_column("ingest_id", stamp), TABLES[name], name)
 
 
-def append_rows(root: Path, name: str, table: DeltaTable, rows: pa.Table) -> None:
+def append_rows(root: Location, name: str, table: DeltaTable, rows: pa.Table) -> None:
     """Append rows to a table whose rows stay unseen until `trials` names their ingest_id."""
     patience = Patience(root)
     while True:
@@ -250,7 +250,7 @@ def append_rows(root: Path, name: str, table: DeltaTable, rows: pa.Table) -> Non
 
 
 def write_rows(
-    root: Path,
+    root: Location,
     name: str,
     table: DeltaTable,
     rows: pa.Table,

@@ -7,11 +7,11 @@ fails if another commit has named the same one since its table was read. Every c
 
 import random
 import time
-from pathlib import Path
 from typing import Final
 
 from deltalake import CommitProperties, DeltaTable, Transaction
 
+from graspdb.store.location import Location
 from graspdb_schemas.errors import DatabaseError
 
 COMMIT: Final = "graspdb.commit"
@@ -44,7 +44,7 @@ def commit_properties(trials: DeltaTable, action: str, **counts: int) -> CommitP
 class Patience:
     """Pauses between attempts against other writers: random, growing, and not without end."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Location) -> None:
         self._root = root
         self._start = time.monotonic()
         self._longest = 0.005

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any, Final
 
 from deltalake import DeltaTable
@@ -10,6 +9,7 @@ from deltalake.exceptions import DeltaError
 
 from graspdb.store.fence import SWEEP, generation
 from graspdb.store.layout import first_line, open_table
+from graspdb.store.location import Location, has_file
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
 
@@ -51,7 +51,7 @@ class Change:
     removed: int
 
 
-def read_history(root: Path) -> tuple[Change, ...]:
+def read_history(root: Location) -> tuple[Change, ...]:
     """Return the versions of a database whose log is kept, the latest first.
 
     Raises
@@ -62,7 +62,7 @@ def read_history(root: Path) -> tuple[Change, ...]:
     return tuple(_change(info) for info in _commits(root, "trials", open_table(root, "trials")))
 
 
-def tables_as_of(root: Path, as_of: AsOf) -> dict[str, DeltaTable]:
+def tables_as_of(root: Location, as_of: AsOf) -> dict[str, DeltaTable]:
     """Open every table at the version that has the rows of an earlier state.
 
     Of `trials` that is the version asked for. The rows it names were written to the other tables before, and
@@ -86,12 +86,12 @@ def tables_as_of(root: Path, as_of: AsOf) -> dict[str, DeltaTable]:
         tables[name] = trials if name == "trials" else _open(root, name, before, as_of)
     for name, table in tables.items():
         files = table.file_uris()
-        if not all(Path(file).exists() for file in files):
+        if not all(has_file(file) for file in files):
             raise _gone(root, name, as_of)
     return tables
 
 
-def _version(root: Path, trials: DeltaTable, as_of: AsOf) -> int:
+def _version(root: Location, trials: DeltaTable, as_of: AsOf) -> int:
     """Return the version of `trials` that was asked for."""
     if isinstance(as_of, int):
         if not 0 <= as_of <= trials.version():
@@ -108,14 +108,14 @@ def _version(root: Path, trials: DeltaTable, as_of: AsOf) -> int:
     return max(earlier)
 
 
-def _last_before_sweep(root: Path, name: str, swept: int) -> int | None:
+def _last_before_sweep(root: Location, name: str, swept: int) -> int | None:
     """Return the last version of a table that no later sweep has deleted from; None for the latest."""
     commits = _commits(root, name, open_table(root, name))
     later = [info["version"] for info in commits if int(info.get(SWEEP, 0)) > swept]
     return min(later) - 1 if later else None
 
 
-def _open(root: Path, name: str, version: int | None, as_of: AsOf) -> DeltaTable:
+def _open(root: Location, name: str, version: int | None, as_of: AsOf) -> DeltaTable:
     try:
         return open_table(root, name, version)
     except DatabaseError as error:
@@ -124,7 +124,7 @@ def _open(root: Path, name: str, version: int | None, as_of: AsOf) -> DeltaTable
         raise _gone(root, name, as_of) from error
 
 
-def _gone(root: Path, name: str, as_of: AsOf) -> DatabaseError:
+def _gone(root: Location, name: str, as_of: AsOf) -> DatabaseError:
     state = f"version {as_of}" if isinstance(as_of, int) else f"the state of {as_of.isoformat()}"
     return DatabaseError(
         root,
@@ -133,7 +133,7 @@ def _gone(root: Path, name: str, as_of: AsOf) -> DatabaseError:
     )
 
 
-def _commits(root: Path, name: str, table: DeltaTable) -> list[dict[str, Any]]:
+def _commits(root: Location, name: str, table: DeltaTable) -> list[dict[str, Any]]:
     """Return what the log says of each version of a table, the latest first."""
     try:
         return table.history()

@@ -2,7 +2,6 @@
 
 import re
 from functools import cache
-from pathlib import Path
 from typing import Final
 
 import deltalake
@@ -10,6 +9,7 @@ import pyarrow as pa
 from deltalake import DeltaTable
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
+from graspdb.store.location import Location, ObjectStorage, names_in, storage_options, unreachable
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SCHEMA_VERSION, TABLE_DOCS, TABLES
 
@@ -32,7 +32,7 @@ _FORBIDDEN: Final = re.compile(r"[\[\]^|\\%*?\x00-\x1f\x7f]")
 """What Delta Lake's paths cannot have, and what DuckDB takes for a pattern."""
 
 
-def create(root: Path) -> None:
+def create(root: Location) -> None:
     """Create what a database lacks in a folder that is empty, absent or half created.
 
     Any number of processes may do so at once. A whole database is left as it is.
@@ -43,10 +43,9 @@ def create(root: Path) -> None:
         The folder holds something else, or cannot be written.
     """
     check_path(root)
-    if DeltaTable.is_deltatable(str(root / "trials")):
+    if _has_table(root, "trials"):
         return
-    names = [entry.name for entry in root.iterdir()] if root.exists() else []
-    strangers = sorted(name for name in names if name not in TABLES)
+    strangers = sorted(name for name in names_in(root) if name not in TABLES)
     if strangers:
         raise DatabaseError(
             root,
@@ -55,9 +54,9 @@ def create(root: Path) -> None:
         )
     for name in _CREATION_ORDER[:-1]:
         # Its version says nothing of rows: two processes that create a table at once may commit twice.
-        if DeltaTable.is_deltatable(str(root / name)) and open_table(root, name).file_uris():
+        if _has_table(root, name) and open_table(root, name).file_uris():
             # Rows are written once `trials` is there: another process has made it since the look above.
-            if DeltaTable.is_deltatable(str(root / "trials")):
+            if _has_table(root, "trials"):
                 return
             raise DatabaseError(
                 root, f"table 'trials' is missing, yet {name!r} has rows", "Restore the folder from a copy."
@@ -66,7 +65,7 @@ def create(root: Path) -> None:
         _create_table(root, name)
 
 
-def open_table(root: Path, name: str, version: int | None = None) -> DeltaTable:
+def open_table(root: Location, name: str, version: int | None = None) -> DeltaTable:
     """Open one table and check that it is what this version of graspdb declares.
 
     Raises
@@ -76,7 +75,7 @@ def open_table(root: Path, name: str, version: int | None = None) -> DeltaTable:
     """
     check_path(root)
     try:
-        table = DeltaTable(str(root / name), version=version)
+        table = DeltaTable(str(root / name), version=version, storage_options=storage_options(root))
         _check_format(root, name, table)
     except TableNotFoundError:
         raise _not_found(root, name) from None
@@ -84,7 +83,16 @@ def open_table(root: Path, name: str, version: int | None = None) -> DeltaTable:
         raise DatabaseError(
             root, f"table {name!r} cannot be read: {first_line(error)}", "Restore the folder from a copy."
         ) from error
+    except OSError as error:
+        raise unreachable(root, error) from error
     return table
+
+
+def _has_table(root: Location, name: str) -> bool:
+    try:
+        return DeltaTable.is_deltatable(str(root / name), storage_options(root))
+    except (DeltaError, OSError) as error:
+        raise unreachable(root, error) from error
 
 
 def read_rows(name: str, table: DeltaTable, columns: list[str], predicate: str | None = None) -> pa.Table:
@@ -112,7 +120,7 @@ def written_format(table: DeltaTable) -> int:
     return int(properties.get(FIRST_FORMAT_KEY, properties[FORMAT_KEY]))
 
 
-def bring_up_to_date(root: Path, name: str, table: DeltaTable) -> None:
+def bring_up_to_date(root: Location, name: str, table: DeltaTable) -> None:
     """Add the columns that a table of an older format lacks, so that rows of this format can be written.
 
     Files stay as they are. Any number of processes may do so at once.
@@ -143,7 +151,7 @@ def bring_up_to_date(root: Path, name: str, table: DeltaTable) -> None:
                 ) from error
 
 
-def check_path(root: Path) -> None:
+def check_path(root: Location) -> None:
     """Raise where tables cannot be kept at a path.
 
     Raises
@@ -151,6 +159,8 @@ def check_path(root: Path) -> None:
     DatabaseError
         The path is a file, or has a character that paths of tables cannot have.
     """
+    if isinstance(root, ObjectStorage):
+        return  # its characters are looked at where the URL is read
     if root.exists() and not root.is_dir():
         raise DatabaseError(root, "a file, not a folder", "A database is a folder; name one.")
     bad = _FORBIDDEN.search(str(root))
@@ -166,7 +176,7 @@ def first_line(error: Exception) -> str:
     return text.splitlines()[0].rstrip(". ")
 
 
-def _create_table(root: Path, name: str) -> None:
+def _create_table(root: Location, name: str) -> None:
     """Create one table unless it is there, also where another process creates it at this moment."""
     configuration = {
         FORMAT_KEY: str(SCHEMA_VERSION),
@@ -176,13 +186,14 @@ def _create_table(root: Path, name: str) -> None:
     }
     try:
         DeltaTable.create(
-            root / name,
+            str(root / name),
             TABLES[name],
             mode="ignore",
             name=name,
             description=TABLE_DOCS[name],
             configuration=configuration,
             raise_if_key_not_exists=False,
+            storage_options=storage_options(root),
         )
     except CommitFailedError:
         open_table(root, name)
@@ -192,13 +203,13 @@ def _create_table(root: Path, name: str) -> None:
         ) from error
 
 
-def _not_found(root: Path, name: str) -> DatabaseError:
+def _not_found(root: Location, name: str) -> DatabaseError:
     """Say what is missing where a table is."""
     if not root.exists():
         return DatabaseError(
             root, "no such folder", "Name a database with --db or GRASPDB, or make one with graspdb ingest."
         )
-    present = [other for other in TABLES if (root / other / "_delta_log").is_dir()]
+    present = [other for other in TABLES if other in names_in(root)]
     if not present:
         return DatabaseError(
             root, "not a graspdb database: it holds none of its tables", "Name the folder of a database."
@@ -210,7 +221,7 @@ def _not_found(root: Path, name: str) -> DatabaseError:
     return DatabaseError(root, f"table {name!r} is missing", "Restore the folder from a copy.")
 
 
-def _check_format(root: Path, name: str, table: DeltaTable) -> None:
+def _check_format(root: Location, name: str, table: DeltaTable) -> None:
     """Raise where a table's format is newer, or its columns are not those declared."""
     stored = table.metadata().configuration.get(FORMAT_KEY)
     if stored is None or not stored.isdecimal():

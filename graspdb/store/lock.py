@@ -9,10 +9,10 @@ The operating system gives the lock back when a process ends, also when it is ki
 import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Final
 
 from graspdb.store.fence import Patience
+from graspdb.store.location import Location, ObjectStorage
 from graspdb_schemas.errors import DatabaseError
 
 LOCK_FILE: Final = "_graspdb.lock"
@@ -20,21 +20,30 @@ LOCK_FILE: Final = "_graspdb.lock"
 
 
 @contextmanager
-def writing(root: Path) -> Iterator[None]:
+def writing(root: Location) -> Iterator[None]:
     """Keep vacuums of young files away; any number of writers may be at work."""
     with _locked(root, fcntl.LOCK_SH):
         yield
 
 
 @contextmanager
-def alone(root: Path) -> Iterator[None]:
+def alone(root: Location) -> Iterator[None]:
     """Keep writers away."""
     with _locked(root, fcntl.LOCK_EX):
         yield
 
 
 @contextmanager
-def _locked(root: Path, how: int) -> Iterator[None]:
+def _locked(root: Location, how: int) -> Iterator[None]:
+    if isinstance(root, ObjectStorage):
+        if how == fcntl.LOCK_EX:
+            raise DatabaseError(
+                root,
+                "object storage has no lock that tells whether somebody writes",
+                "Keep what is a day old or younger, and optimize again later.",
+            )
+        yield
+        return
     patience = Patience(root)
     try:
         file = (root / "trials" / LOCK_FILE).open("ab")

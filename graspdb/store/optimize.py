@@ -5,7 +5,6 @@ import time
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from deltalake import CommitProperties, DeltaTable
@@ -14,6 +13,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError
 from graspdb.store.commit import ZSTD
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import LOG_RETENTION_KEY, bring_up_to_date, first_line
+from graspdb.store.location import Location, ObjectStorage
 from graspdb.store.lock import alone, writing
 from graspdb.store.sweep import sweep
 from graspdb_schemas.errors import DatabaseError, ParameterError
@@ -46,7 +46,9 @@ class OptimizedTable:
     vacuumed: int
 
 
-def optimize(root: Path, tables: Mapping[str, DeltaTable], retention_hours: int) -> dict[str, OptimizedTable]:
+def optimize(
+    root: Location, tables: Mapping[str, DeltaTable], retention_hours: int
+) -> dict[str, OptimizedTable]:
     """Sweep dead rows, join small files, delete old ones, and shorten the logs.
 
     Others may ingest and read at the same time. With a retention of less than a week it waits at the end
@@ -54,7 +56,7 @@ def optimize(root: Path, tables: Mapping[str, DeltaTable], retention_hours: int)
 
     Parameters
     ----------
-    root : Path
+    root : Path or ObjectStorage
         The database's folder.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
@@ -90,7 +92,7 @@ def optimize(root: Path, tables: Mapping[str, DeltaTable], retention_hours: int)
     }
 
 
-def _compact(root: Path, name: str, table: DeltaTable) -> None:
+def _compact(root: Location, name: str, table: DeltaTable) -> None:
     """Join a table's small files; those of `trials` in turn with all commits."""
     patience = Patience(root)
     while True:
@@ -109,7 +111,7 @@ def _compact(root: Path, name: str, table: DeltaTable) -> None:
             raise _failed(root, name, error) from error
 
 
-def _forget(root: Path, name: str, table: DeltaTable, hours: int) -> int:
+def _forget(root: Location, name: str, table: DeltaTable, hours: int) -> int:
     """Delete files that have not been needed for some time, and log entries as old; return how many files."""
     patience = Patience(root)
     while True:
@@ -143,8 +145,13 @@ def _log_property(hours: int) -> dict[str, str]:
     return {LOG_RETENTION_KEY: f"interval {hours} hours"}
 
 
-def _delete_unfinished(folder: Path, hours: int) -> int:
-    """Delete what killed processes left half-written, and return how many files that were."""
+def _delete_unfinished(folder: Location, hours: int) -> int:
+    """Delete what killed processes left half-written, and return how many files that were.
+
+    Object storage has no half-written files.
+    """
+    if isinstance(folder, ObjectStorage):
+        return 0
     oldest = time.time() - 3600 * hours
     left = [
         file
@@ -157,7 +164,7 @@ def _delete_unfinished(folder: Path, hours: int) -> int:
     return len(left)
 
 
-def _failed(root: Path, name: str, error: Exception) -> DatabaseError:
+def _failed(root: Location, name: str, error: Exception) -> DatabaseError:
     return DatabaseError(
         root,
         f"cannot optimize table {name!r}: {first_line(error)}",

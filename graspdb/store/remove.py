@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import Any
 
 import pyarrow as pa
@@ -16,6 +16,7 @@ from graspdb.store.commit import append_rows, fresh_id, quoted, stamped, write_r
 from graspdb.store.content import content_key
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import bring_up_to_date, first_line, read_rows
+from graspdb.store.location import Location
 from graspdb.store.lock import writing
 from graspdb_schemas.errors import DatabaseError, ParameterError, nearest
 from graspdb_schemas.tables import TABLES
@@ -45,7 +46,7 @@ class Removed:
     manifests: int
 
 
-def remove(root: Path, tables: Mapping[str, DeltaTable], kind: Kind, keys: Sequence[str]) -> Removed:
+def remove(root: Location, tables: Mapping[str, DeltaTable], kind: Kind, keys: Sequence[str]) -> Removed:
     """Take trials out of a database in one step, and out of the stored manifests of their sessions.
 
     Their rows, and what no other trial stands on, are dead from then on: `sweep` deletes them, and `optimize`
@@ -53,7 +54,7 @@ def remove(root: Path, tables: Mapping[str, DeltaTable], kind: Kind, keys: Seque
 
     Parameters
     ----------
-    root : Path
+    root : Path or ObjectStorage
         The database's folder.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
@@ -81,7 +82,7 @@ def remove(root: Path, tables: Mapping[str, DeltaTable], kind: Kind, keys: Seque
                 patience.pause()
 
 
-def _remove(root: Path, tables: Mapping[str, DeltaTable], kind: Kind, keys: Sequence[str]) -> Removed:
+def _remove(root: Location, tables: Mapping[str, DeltaTable], kind: Kind, keys: Sequence[str]) -> Removed:
     """Do it on the version of `trials` that is loaded; fails if another commit comes in between."""
     table = tables["trials"]
     stored = read_rows("trials", table, ["session", "trial", "subject", "context"])
@@ -111,7 +112,7 @@ def _named(trials: pa.Table, kind: Kind) -> list[str]:
 
 
 def _rewrite_manifests(
-    root: Path, sessions: DeltaTable, going: pa.Table, staying: pa.Table, kind: Kind
+    root: Location, sessions: DeltaTable, going: pa.Table, staying: pa.Table, kind: Kind
 ) -> dict[str, str]:
     """Write the manifests that staying trials stand on without those that go: old ingest_id -> new one."""
     sessions.update_incremental()
@@ -164,7 +165,9 @@ def _with_context(rows: pa.Table, renamed: Mapping[str, str]) -> pa.Table:
     return rows.set_column(place, rows.schema.field(place), column)
 
 
-def _replace(root: Path, table: DeltaTable, sessions: Sequence[str], rows: pa.Table, removed: int) -> None:
+def _replace(
+    root: Location, table: DeltaTable, sessions: Sequence[str], rows: pa.Table, removed: int
+) -> None:
     """Leave of some sessions' trials the given rows: the commit point."""
     predicate = f"session IN ({quoted(sessions)})"
     properties = commit_properties(table, "remove", removed=removed)

@@ -17,6 +17,7 @@ from graspdb.store.compacted import free_of_dead_rows, written_rows
 from graspdb.store.fence import Patience
 from graspdb.store.history import AsOf, tables_as_of
 from graspdb.store.layout import first_line, open_table, read_rows, stored_format, written_format
+from graspdb.store.location import Location, ObjectStorage
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
@@ -30,7 +31,7 @@ class Snapshot:
 
     Attributes
     ----------
-    path : Path
+    path : Path or ObjectStorage
         The database's folder.
     format : int
         Version of its format.
@@ -40,7 +41,7 @@ class Snapshot:
         Files and committed rows of each table, as the query engine reads them.
     """
 
-    path: Path
+    path: Location
     format: int
     versions: Mapping[str, int]
     sources: Mapping[str, TableSource]
@@ -73,7 +74,7 @@ class CommittedIds:
         )
 
 
-def take_snapshot(root: Path, as_of: AsOf | None = None) -> Snapshot:
+def take_snapshot(root: Location, as_of: AsOf | None = None) -> Snapshot:
     """Pin one version of every table: the latest, or those of an earlier state; see `tables_as_of`.
 
     `trials` is pinned first, so that the rows of every trial in it were written before the other tables
@@ -91,7 +92,7 @@ def take_snapshot(root: Path, as_of: AsOf | None = None) -> Snapshot:
     return snapshot_of(root, latest_tables(root) if as_of is None else tables_as_of(root, as_of))
 
 
-def snapshot_of(root: Path, tables: Mapping[str, DeltaTable]) -> Snapshot:
+def snapshot_of(root: Location, tables: Mapping[str, DeltaTable]) -> Snapshot:
     """Return the snapshot that open tables are."""
     trials = tables["trials"]
     ids = committed_ids(trials)
@@ -104,7 +105,7 @@ def snapshot_of(root: Path, tables: Mapping[str, DeltaTable]) -> Snapshot:
     )
 
 
-def latest_tables(root: Path) -> dict[str, DeltaTable]:
+def latest_tables(root: Location) -> dict[str, DeltaTable]:
     """Open every table so that together they are one state."""
     patience = Patience(root)
     trials = open_table(root, "trials")
@@ -149,7 +150,7 @@ class TableFiles:
         return pc.fill_null(pc.equal(self.least, self.greatest), False)
 
 
-def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
+def table_files(root: Location, name: str, table: DeltaTable) -> TableFiles:
     """Return the files of a table, having checked that they lie in its folder.
 
     Raises
@@ -164,8 +165,8 @@ def table_files(root: Path, name: str, table: DeltaTable) -> TableFiles:
             root, f"table {name!r} cannot be read: {first_line(error)}", "Restore the folder from a copy."
         ) from error
     names = actions["path"].to_pylist()
-    folder = root.resolve() / name
-    links = _links(folder)
+    folder = (root if isinstance(root, ObjectStorage) else root.resolve()) / name
+    links = set() if isinstance(folder, ObjectStorage) else _links(folder)
     for file in names:
         if not _PLAIN_NAME.fullmatch(file) or file in links:
             raise DatabaseError(
@@ -195,7 +196,7 @@ def _column(actions: pa.Table, name: str) -> pa.Array:
 
 
 def _source(
-    root: Path, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
+    root: Location, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
 ) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import Self
 
 from deltalake import DeltaTable
@@ -17,6 +16,7 @@ from graspdb.store.committed import (
 )
 from graspdb.store.content import Unit, units
 from graspdb.store.layout import create, open_table
+from graspdb.store.location import Location, ObjectStorage, location
 from graspdb.store.optimize import SAFE_RETENTION, OptimizedTable, optimize
 from graspdb.store.remove import Kind, Removed, remove
 from graspdb.store.snapshot import Snapshot, take_snapshot
@@ -34,17 +34,17 @@ class Store:
 
     Attributes
     ----------
-    path : Path
-        The database's folder.
+    path : Path or ObjectStorage
+        Where it is.
     """
 
-    def __init__(self, path: Path, tables: Mapping[str, DeltaTable]) -> None:
+    def __init__(self, path: Location, tables: Mapping[str, DeltaTable]) -> None:
         self.path = path
         self._tables = tables
         self._shared: dict[str, tuple[Unit, ...]] = {}
 
     @classmethod
-    def open(cls, path: str | PathLike[str]) -> Self:
+    def open(cls, path: str | PathLike[str] | ObjectStorage) -> Self:
         """Open a database that is there.
 
         Raises
@@ -52,12 +52,12 @@ class Store:
         DatabaseError
             The folder is no database, or one of a newer format, or damaged.
         """
-        root = Path(path)
+        root = location(path)
         open_table(root, "trials")
         return cls(root, {name: open_table(root, name) for name in TABLES})
 
     @classmethod
-    def create_or_open(cls, path: str | PathLike[str]) -> Self:
+    def create_or_open(cls, path: str | PathLike[str] | ObjectStorage) -> Self:
         """Open a database; create it in a folder that is empty or not there.
 
         Raises
@@ -65,7 +65,7 @@ class Store:
         DatabaseError
             The folder holds something else, or cannot be written.
         """
-        create(Path(path))
+        create(location(path))
         return cls.open(path)
 
     def committed_input_keys(self, session: str) -> dict[str, str]:

@@ -1,12 +1,11 @@
 """The rows of a table on disk, ingest by ingest, with hardly more than one ingest in memory."""
 
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
+from graspdb.store.location import open_parquet
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.tables import TABLES
 
@@ -44,7 +43,7 @@ def ingests(
 
 def _runs(name: str, file: str) -> Iterator[tuple[str, pa.Table]]:
     """Yield the runs of rows of one ingest in a file, as declared."""
-    with pq.ParquetFile(Path(file)) as parquet:
+    with open_parquet(file) as parquet:
         stored = parquet.schema_arrow.names
         declared = [field for field in rows_schema(name) if field.name in stored]
         # Of `trials` the columns that the store adds are wanted, too.

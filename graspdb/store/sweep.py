@@ -1,18 +1,17 @@
 """Sweeping: taking away the rows that no committed trial stands on."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 from deltalake import CommitProperties, DeltaTable, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from graspdb.store.commit import quoted
 from graspdb.store.fence import SWEEP, Patience, commit_properties, generation
 from graspdb.store.layout import first_line
+from graspdb.store.location import Location, open_parquet
 from graspdb.store.lock import writing
 from graspdb.store.snapshot import CommittedIds, committed_ids, table_files
 from graspdb_schemas.errors import DatabaseError
@@ -22,7 +21,7 @@ _BATCH: Final = 200
 """Ingests named in one delete."""
 
 
-def sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
+def sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     """Delete the rows of ingests that were interrupted, repeated or replaced.
 
     The ids are listed first. Then a commit to `trials` bars every ingest that began before it from being
@@ -30,7 +29,7 @@ def sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
 
     Parameters
     ----------
-    root : Path
+    root : Path or ObjectStorage
         The database's folder.
     tables : mapping of str to DeltaTable
         Its open tables; they are brought up to date.
@@ -49,7 +48,7 @@ def sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
         return _sweep(root, tables)
 
 
-def _sweep(root: Path, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
+def _sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     found = {name: _ingest_ids(root, name, tables[name]) for name in TABLES if name != "trials"}
     tables["trials"].update_incremental()
     if not any(len(ids) for ids in _dead(found, committed_ids(tables["trials"])).values()):
@@ -68,20 +67,20 @@ def _dead(found: Mapping[str, pa.Array], committed: CommittedIds) -> dict[str, p
     return {name: ids.filter(pc.invert(pc.is_in(ids, committed.of(name)))) for name, ids in found.items()}
 
 
-def _ingest_ids(root: Path, name: str, table: DeltaTable) -> pa.Array:
+def _ingest_ids(root: Location, name: str, table: DeltaTable) -> pa.Array:
     """Return every ingest_id in a table: from the log, or from the files that hold several."""
     table.update_incremental()
     files = table_files(root, name, table)
     mixed = files.paths.filter(pc.invert(files.single)).to_pylist()
     # Files that a delete has rewritten hold texts of another Arrow type.
     columns = (
-        pq.ParquetFile(path).read(columns=["ingest_id"])["ingest_id"].cast(pa.string()) for path in mixed
+        open_parquet(path).read(columns=["ingest_id"])["ingest_id"].cast(pa.string()) for path in mixed
     )
     ids = [files.least.filter(files.single), *(column.unique() for column in columns)]
     return pa.chunked_array(ids, pa.string()).unique()
 
 
-def _bar_unfinished(root: Path, trials: DeltaTable) -> CommittedIds:
+def _bar_unfinished(root: Location, trials: DeltaTable) -> CommittedIds:
     """Commit a sweep to `trials`, and return what is committed at that version."""
     patience = Patience(root)
     while True:
@@ -108,7 +107,7 @@ def _batches(ids: pa.Array) -> Iterator[list[str]]:
         yield ids.slice(start, _BATCH).to_pylist()
 
 
-def _delete(root: Path, name: str, table: DeltaTable, ids: list[str], number: int) -> int:
+def _delete(root: Location, name: str, table: DeltaTable, ids: list[str], number: int) -> int:
     """Delete the rows of some ingests from a table and return how many there were.
 
     The commit keeps the number of the sweep: states before that sweep are to be read from versions before it.
@@ -129,7 +128,7 @@ def _delete(root: Path, name: str, table: DeltaTable, ids: list[str], number: in
         return int(metrics["num_deleted_rows"])
 
 
-def _cannot_write(root: Path, name: str, error: Exception) -> DatabaseError:
+def _cannot_write(root: Location, name: str, error: Exception) -> DatabaseError:
     return DatabaseError(
         root,
         f"cannot sweep table {name!r}: {first_line(error)}",

@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePosixPath
 from typing import Any, Final
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 from deltalake import DeltaTable
 
 from graspdb.store.commit import content_key_of
 from graspdb.store.content import content_key
 from graspdb.store.layout import open_table, written_format
+from graspdb.store.location import Location, open_parquet, size_of
 from graspdb.store.references import broken_references
 from graspdb.store.snapshot import TableFiles, latest_tables, snapshot_of, table_files
 from graspdb.store.stored_rows import ingests
@@ -57,7 +57,7 @@ class Verified:
         What was found, by table.
     """
 
-    path: Path
+    path: Location
     tables: Mapping[str, VerifiedTable]
 
     @property
@@ -66,7 +66,7 @@ class Verified:
         return not any(table.problems for table in self.tables.values())
 
 
-def verify(root: Path) -> Verified:
+def verify(root: Location) -> Verified:
     """Read a whole database and check all that has to hold in it; nothing is written.
 
     That is: every table is there, of a format that can be read, with the declared columns; every file is
@@ -108,7 +108,7 @@ def verify(root: Path) -> Verified:
     return Verified(root, found)
 
 
-def _open(root: Path) -> tuple[dict[str, DeltaTable], dict[str, list[str]]]:
+def _open(root: Location) -> tuple[dict[str, DeltaTable], dict[str, list[str]]]:
     """Open every table; return those that could be opened, and what is wrong with the others."""
     opened, problems = {}, {name: list[str]() for name in TABLES}
     for name in TABLES:
@@ -134,14 +134,14 @@ def _damaged_files(table: DeltaTable, files: TableFiles) -> Iterator[str]:
     """Yield what is wrong with the files of a table, seen from outside."""
     sizes = pa.table(table.get_add_actions(flatten=True))["size_bytes"].to_pylist()
     for path, size, n_rows in zip(files.paths.to_pylist(), sizes, files.n_rows.to_pylist(), strict=True):
-        file = Path(path)
-        if not file.exists():
+        file, there = PurePosixPath(path), size_of(path)
+        if there is None:
             yield f"file {file.name} is missing"
-        elif file.stat().st_size != size:
-            yield f"file {file.name} has {file.stat().st_size} bytes, and the log says {size}"
+        elif there != size:
+            yield f"file {file.name} has {there} bytes, and the log says {size}"
         else:
             try:
-                found = pq.read_metadata(file).num_rows
+                found = open_parquet(path).metadata.num_rows
             except _DAMAGE as error:
                 yield f"file {file.name} cannot be read: {str(error).splitlines()[0]}"
                 continue

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.check_objects import ObjectReport, check_objects
 from graspdb_ingest.glove_angles import select_glove
 from graspdb_ingest.hand.subject import subject_hand
 from graspdb_ingest.objects.live import read_cloud_times
@@ -101,6 +102,8 @@ class SessionReport:
         The recordings that its subjects are calibrated from.
     hands : tuple of str
         What is wrong with its subjects' own hand models.
+    objects : tuple of ObjectReport
+        Its objects that have a mesh or cloud.
     """
 
     path: Path
@@ -108,16 +111,18 @@ class SessionReport:
     trials: tuple[TrialReport, ...]
     calibrations: tuple[TrialReport, ...]
     hands: tuple[str, ...] = ()
+    objects: tuple[ObjectReport, ...] = ()
 
     @property
     def readable(self) -> bool:
-        """Whether every recording and every hand model can be read."""
-        reports = (*self.trials, *self.calibrations)
-        return not self.hands and all(report.problem is None for report in reports)
+        """Whether every recording, every object and every hand model can be used."""
+        problems = [report.problem for report in (*self.trials, *self.calibrations)]
+        problems += [report.problem for report in self.objects]
+        return not self.hands and not any(problems)
 
 
 def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
-    """Read every recording of a session and report what is in it.
+    """Read every recording and object of a session and report what is in it.
 
     Parameters
     ----------
@@ -150,6 +155,7 @@ def check_session(path: Path, data_root: Path | None = None) -> SessionReport:
         trials=tuple(check_trial(session, trial) for trial in session.trials),
         calibrations=tuple(check_trial(session, trial) for trial in calibrations),
         hands=tuple(_hand_problems(session)),
+        objects=tuple(check_objects(session)),
     )
 
 

@@ -11,6 +11,8 @@ from graspdb_schemas.errors import Problem
 
 _MOST_VALUES: Final = 200_000
 _DEEPEST: Final = 30
+_LARGEST: Final = 2**53
+"""Whole numbers up to here are floats, and JSON, without loss."""
 _ROOT: Final = "the manifest"
 
 
@@ -137,8 +139,12 @@ class _Plain:
                 self._count = _MOST_VALUES + 1
             return None
         match value:
-            case None | bool() | int() | str():
+            case None | bool() | str():
                 return value
+            case int():
+                if abs(value) > _LARGEST:
+                    self._note(path, f"a number of {value.bit_length()} bits", f"at most {_LARGEST}")
+                return value if abs(value) <= _LARGEST else 0
             case float():
                 if not math.isfinite(value):
                     self._note(path, str(value), "a finite number")

@@ -20,7 +20,7 @@ REPEATS = 15
 def add_a_trial() -> Result:
     """Time opening a database, looking what it has of a session, and committing one more trial to it."""
     with TemporaryDirectory() as folder:
-        paths = {n: build(Path(folder) / str(n), n).path for n in (FEW, MANY)}
+        paths = {n: Path(str(build(Path(folder) / str(n), n).path)) for n in (FEW, MANY)}
         times: dict[int, list[float]] = {n: [] for n in paths}
         for number in range(REPEATS):
             for n, path in paths.items():

@@ -6,8 +6,11 @@ refers to is ever opened.
 
 import hashlib
 import io
+import logging
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -99,7 +102,7 @@ def read_geometry(path: Path) -> Geometry:
 
 def _read_mesh(path: Path, content: bytes, suffix: str) -> tuple[Array, NDArray[np.int64] | None]:
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _silent("trimesh"):
             warnings.simplefilter("ignore")  # what matters of them is found again by the checks that follow
             scene = trimesh.load_scene(
                 io.BytesIO(content), file_type=suffix[1:], process=False, skip_materials=True
@@ -116,6 +119,18 @@ def _read_mesh(path: Path, content: bytes, suffix: str) -> tuple[Array, NDArray[
         found = f"a face refers to vertex {int(faces.max())} of {len(vertices)}"
         raise ObjectError(path, found, "The file is damaged; export it again.")
     return vertices, faces
+
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """Keep a library from logging: it writes tracebacks of what it then puts up with."""
+    logger = logging.getLogger(name)
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _flatten(scene: Any) -> tuple[Array, NDArray[np.int64]]:

@@ -1,13 +1,12 @@
 """C3D, the exchange format of biomechanics, through ezc3d."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import ezc3d
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.readers.c3d_process import C3DContent, read_content
 from graspdb_ingest.readers.c3d_structure import BLOCK, C3DStructure, check_structure, read_points
 from graspdb_ingest.readers.registry import reader
 from graspdb_ingest.readers.timing import check_frame_count, stated_rate
@@ -28,58 +27,45 @@ def read_c3d(path: Path, default_scale: float) -> Recording:
     model that share the section of points (angles, moments ...) are left out.
     """
     structure = check_structure(path)
-    try:
-        file = ezc3d.c3d(str(path))
-    except (OSError, RuntimeError, ValueError, IndexError, MemoryError) as error:
-        raise RecordingError(
-            path, f"ezc3d cannot read it ({error})", "Export the recording again, or copy it again."
-        ) from error
-    parameters: Mapping[str, Any] = file["parameters"]["POINT"]
+    file = read_content(path)
     raw, residuals = _points(path, structure, file)
     raw[residuals < 0] = np.nan
-    header = file["header"]["points"]
-    rates = _values(parameters, "RATE")
-    rate = stated_rate(path, rates[0] if len(rates) else header["frame_rate"], "POINT:RATE")
-    units = _values(parameters, "UNITS")
+    rates = file.values("POINT", "RATE")
+    rate = stated_rate(path, rates[0] if len(rates) else file.rate, "POINT:RATE")
+    units = file.values("POINT", "UNITS")
     return trajectories(
         path,
-        _labels(parameters, raw.shape[1]),
+        _labels(file, raw.shape[1]),
         raw,
         scale_of(path, units[0] if len(units) else None, default_scale),
         rate,
-        header["first_frame"] / rate,
+        file.first_frame / rate,
     )
 
 
-def _values(parameters: Mapping[str, Any], name: str) -> Sequence[Any]:
-    values: Sequence[Any] = parameters[name]["value"] if name in parameters else ()
-    return values
-
-
-def _labels(parameters: Mapping[str, Any], n_markers: int) -> list[str]:
+def _labels(file: C3DContent, n_markers: int) -> list[str]:
     """Return a label for each point, blank where it has none or is no position."""
-    modelled = {label.strip() for name in _MODELLED for label in _values(parameters, name)}
-    labels = [str(label).strip() for label in _values(parameters, "LABELS")]
+    modelled = {str(label).strip() for name in _MODELLED for label in file.values("POINT", name)}
+    labels = [str(label).strip() for label in file.values("POINT", "LABELS")]
     number = 2
-    while f"LABELS{number}" in parameters:  # a parameter holds 255 labels at most
-        labels += [str(label).strip() for label in _values(parameters, f"LABELS{number}")]
+    while f"LABELS{number}" in file.parameters.get("POINT", {}):  # a parameter holds 255 labels at most
+        labels += [str(label).strip() for label in file.values("POINT", f"LABELS{number}")]
         number += 1
     labels = ["" if label in modelled else label for label in labels]
     return (labels + [""] * n_markers)[:n_markers]
 
 
 def _points(
-    path: Path, structure: C3DStructure, file: ezc3d.c3d
+    path: Path, structure: C3DStructure, file: C3DContent
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return positions, shape (n_frames, n_markers, 3), and residuals, shape (n_frames, n_markers).
 
     The header counts to 65535 frames. Longer files say their length in POINT:LONG_FRAMES or TRIAL,
     or are as long as the file goes; of some of them ezc3d reads 65535 frames.
     """
-    points = file["data"]["points"][:3].transpose(2, 1, 0)
-    residuals = file["data"]["meta_points"]["residuals"][0].T
+    points, residuals = file.points, file.residuals
     if structure.open_ended:
-        stated = _long_count(file["parameters"])
+        stated = _long_count(file)
         wanted = structure.present if stated is None else stated
         check_frame_count(path, str(wanted), structure.present)
         if len(points) < wanted:
@@ -101,12 +87,11 @@ def _padding(points: NDArray[np.float64], structure: C3DStructure) -> int:
     return int(tail.size - np.flatnonzero(tail).max(initial=-1) - 1)
 
 
-def _long_count(parameters: Mapping[str, Any]) -> int | None:
-    long = _values(parameters["POINT"], "LONG_FRAMES")
+def _long_count(file: C3DContent) -> int | None:
+    long = file.values("POINT", "LONG_FRAMES")
     if len(long):
         return int(long[0])
-    trial = parameters.get("TRIAL", {}) if "TRIAL" in parameters else {}
-    first, last = _values(trial, "ACTUAL_START_FIELD"), _values(trial, "ACTUAL_END_FIELD")
+    first, last = file.values("TRIAL", "ACTUAL_START_FIELD"), file.values("TRIAL", "ACTUAL_END_FIELD")
     if len(first) == len(last) == 2:  # low word, high word
         start, end = (int(low) % 65536 + 65536 * (int(high) % 65536) for low, high in (first, last))
         return end - start + 1

@@ -83,6 +83,10 @@ def _header_of(text: TextLines) -> _Header:
     return _Header(values, (), len(text.lines))
 
 
+_DIGITS = 6
+"""Digits of a number of markers, at most."""
+
+
 def _is_number(cell: str) -> bool:
     try:
         float(cell)
@@ -100,8 +104,10 @@ def _labels(path: Path, header: _Header) -> tuple[str, ...]:
             raise RecordingError(path, "its header has no MARKER_NAMES", _EXPORT)
         return tuple(_AXIS.sub("", column) for column in axes[::3])
     count = header.value("NO_OF_MARKERS")
-    if not count.isdigit():
+    if not count.isdecimal():
         return tuple(name for name in named if name)
+    if len(count) > _DIGITS:
+        raise RecordingError(path, f"its header counts {count[:20]}... markers", _EXPORT)
     if len([name for name in named if name]) > int(count):
         raise RecordingError(
             path, f"its header counts {count} markers and names {len(named)}: {', '.join(named)}", _EXPORT

@@ -11,6 +11,8 @@ from graspdb_schemas.errors import RecordingError
 
 _SLOWEST: Final = 1.0
 _FASTEST: Final = 20_000.0
+_DIGITS: Final = 18
+"""Digits of a number of frames, at most; Python refuses to read numbers of thousands."""
 _UNEVEN: Final = 0.3
 """Share of a frame's duration by which a time may be off the even spacing; rounding stays below."""
 
@@ -106,10 +108,11 @@ def check_frame_count(path: Path, promised: str, n_frames: int) -> None:
     RecordingError
         If there are fewer.
     """
-    if promised.isdigit() and n_frames < int(promised):
+    if promised.isdecimal() and (len(promised) > _DIGITS or n_frames < int(promised)):
+        shown = promised if len(promised) <= _DIGITS else f"{promised[:_DIGITS]}..."
         raise RecordingError(
             path,
-            f"its header promises {promised} frames and it has {n_frames}",
+            f"its header promises {shown} frames and it has {n_frames}",
             "It was cut short: export or copy it again.",
         )
 

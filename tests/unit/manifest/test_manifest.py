@@ -482,3 +482,36 @@ def test_a_glove_that_cannot_be_meant_is_named(folder: Path, glove: object, key:
     problems = problems_of(folder, changed("glove", glove))
     assert key in [problem.key for problem in problems]
     assert any(words in str(problem) for problem in problems)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "subjects/s1/calibration/0",
+        "subjects/s1/model",
+        "objects/mug/mesh",
+        "trials/0/file",
+        "trials/0/glove",
+        "trials/0/clouds",
+        "trials/0/reference_contacts",
+    ],
+)
+@pytest.mark.parametrize(
+    "way", ["climbs", "is absolute", "follows a link", "follows a linked folder", "is no path"]
+)
+def test_no_key_leads_out_of_the_session(folder: Path, tmp_path: Path, key: str, way: str) -> None:
+    secret = tmp_path / "secret.c3d"
+    secret.write_bytes(b"x")
+    (folder / "link.c3d").symlink_to(secret)
+    (folder / "linked").symlink_to(tmp_path, target_is_directory=True)
+    named = {
+        "climbs": "trials/../../secret.c3d",
+        "is absolute": str(secret),
+        "follows a link": "link.c3d",
+        "follows a linked folder": "linked/secret.c3d",
+        "is no path": "x\0y",
+    }[way]
+    problems = problems_of(folder, changed(key, named))
+    about = [problem for problem in problems if problem.key.replace("[0]", ".0") == key.replace("/", ".")]
+    assert len(about) == 1
+    assert "a path inside" in about[0].allowed

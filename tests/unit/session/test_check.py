@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import recording_files as write
+import trimesh
 import typer
 import yaml
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ def session(tmp_path: Path) -> Path:
     positions = moved(np.vstack([[[0.05, 0.0, 0.1], [0.12, 0.0, 0.1]], PLACES]))
     positions[50:80, 1] = np.nan
     write.write_c3d(tmp_path / "good.c3d", LABELS, positions, RATE, units="m")
-    (tmp_path / "box.stl").write_bytes(b"x")
+    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "box.stl")
     manifest: dict[str, Any] = {
         "graspdb_session": 1,
         "id": "s",
@@ -221,3 +222,20 @@ def test_a_bad_manifest_is_a_failure_and_a_path_that_is_not_there_is_wrong_usage
     assert "session.yaml" in result.stderr
     assert run(str(session / "nowhere")).exit_code == 2
     assert run(str(session), "--data-root", str(session / "nowhere")).exit_code == 2
+
+
+def test_an_object_is_reported_with_its_size(session: Path) -> None:
+    (thing,) = check_session(session).objects
+    assert (thing.name, thing.file, thing.problem) == ("box", "box.stl", None)
+    assert (thing.n_vertices, thing.n_faces, thing.watertight) == (8, 12, True)
+    assert thing.extents == pytest.approx((0.1, 0.06, 0.04))
+
+
+def test_an_object_that_is_none_is_named_and_the_recordings_are_read(session: Path) -> None:
+    (session / "box.stl").write_bytes(b"solid nothing")
+    report = check_session(session)
+    (thing,) = report.objects
+    assert thing.problem is not None
+    assert "box.stl" in thing.problem
+    assert not report.readable
+    assert [trial.problem for trial in report.trials] == [None]
