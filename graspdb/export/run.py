@@ -118,7 +118,7 @@ def run_export(
     except GraspDBError:
         journal.discard()
         raise
-    name = f"the database {database.path.resolve().name}, version {_version_of(database)}"
+    name = f"the database {Path(str(database.path)).resolve().name}, version {_version_of(database)}"
     told = Told(kind.format, options, selection.rows, journal.written, features, version, name, refused)
     (folder / "README.md").write_text(card(told), encoding="utf-8")
     write_checksums(folder)

@@ -29,7 +29,7 @@ def build(folder: Path, n_trials: int) -> Path:
         copies = [_copy(few, trials[i % len(trials)], i) for i in range(n_trials)]
     for start in range(0, n_trials, _AT_ONCE):
         store.commit_trials(copies[start : start + _AT_ONCE])
-    return store.path
+    return folder / "many"
 
 
 def _rows(
