@@ -27,7 +27,7 @@ MESH_FORMATS: Final = (".stl", ".obj", ".ply", ".glb", ".off")
 CLOUD_FORMATS: Final = (".ply", ".pcd")
 
 _HEADER_LENGTH: Final = 10_000
-_CLAIMED_POINTS: Final = re.compile(rb"^(?:POINTS|element vertex)[ \t]+(\d{1,12})\s*$", re.MULTILINE)
+_CLAIMED_POINTS: Final = re.compile(rb"^POINTS[ \t]+(\d{1,12})\s*$", re.MULTILINE)
 _MOST_POINTS_PER_BYTE: Final = 100  # binary_compressed PCD of a cloud whose points are all alike
 
 
@@ -88,37 +88,45 @@ def read_geometry(path: Path) -> Geometry:
     if not content:
         raise ObjectError(path, "the file is empty", "Export the object again.")
     sha256 = hashlib.sha256(content).hexdigest()
-    if suffix in MESH_FORMATS:
-        vertices, faces = _read_mesh(path, content, suffix)
-        if faces is not None:
-            return Geometry(vertices, faces, None, sha256)
-        if suffix not in CLOUD_FORMATS:
-            raise ObjectError(
-                path, "it has no faces", "Save a surface with triangles, or a cloud as PLY or PCD."
-            )
-    points, normals = _read_cloud(path, content)
+    if suffix == ".pcd":
+        return Geometry(*_read_pcd(path, content), sha256)
+    (vertices, faces), (points, normals) = _read_scene(path, content, suffix)
+    if len(faces):
+        _check_faces(path, vertices, faces)
+        return Geometry(vertices, faces, None, sha256)
+    if suffix not in CLOUD_FORMATS:
+        raise ObjectError(path, "it has no faces", "Save a surface with triangles, or a cloud as PLY or PCD.")
+    _check_points(path, points)
     return Geometry(points, None, normals, sha256)
 
 
-def _read_mesh(path: Path, content: bytes, suffix: str) -> tuple[Array, NDArray[np.int64] | None]:
+def _read_scene(
+    path: Path, content: bytes, suffix: str
+) -> tuple[tuple[Array, NDArray[np.int64]], tuple[Array, Array | None]]:
+    """Return the vertices and triangles of a file, and the points and normals of a cloud."""
     try:
         with warnings.catch_warnings(), _silent("trimesh"):
             warnings.simplefilter("ignore")  # what matters of them is found again by the checks that follow
             scene = trimesh.load_scene(
                 io.BytesIO(content), file_type=suffix[1:], process=False, skip_materials=True
             )
-            vertices, faces = _flatten(scene)
+            return _flatten(scene), _points(scene)
     except Exception as error:  # parsers raise whatever a damaged file leads them to
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise ObjectError(
             path, f"not readable as {suffix[1:].upper()} ({reason})", "Export it again."
         ) from error
-    if not len(faces):
-        return vertices, None
+
+
+def _check_faces(path: Path, vertices: Array, faces: NDArray[np.int64]) -> None:
     if faces.min() < 0 or faces.max() >= len(vertices):
         found = f"a face refers to vertex {int(faces.max())} of {len(vertices)}"
         raise ObjectError(path, found, "The file is damaged; export it again.")
-    return vertices, faces
+
+
+def _check_points(path: Path, points: Array) -> None:
+    if not len(points):
+        raise ObjectError(path, "it has neither faces nor points, or is damaged", "Export the object again.")
 
 
 @contextmanager
@@ -152,7 +160,20 @@ def _flatten(scene: Any) -> tuple[Array, NDArray[np.int64]]:
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _read_cloud(path: Path, content: bytes) -> tuple[Array, Array | None]:
+def _points(scene: Any) -> tuple[Array, Array | None]:
+    """Return the points of a PLY cloud and their normals, where the file has them."""
+    for geometry in scene.geometry.values():
+        points = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
+        columns = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+        try:
+            normals = np.column_stack([np.ravel(columns[name]) for name in ("nx", "ny", "nz")])
+        except (KeyError, TypeError, ValueError):  # no such columns, or of other lengths
+            return points, None
+        return points, normals.astype(np.float64) if len(normals) == len(points) else None
+    return np.empty((0, 3)), None
+
+
+def _read_pcd(path: Path, content: bytes) -> tuple[Array, None, Array | None]:
     # Open3D reserves what the header claims; a damaged header must not take all memory.
     claimed = _CLAIMED_POINTS.search(content[:_HEADER_LENGTH])
     if claimed is None or int(claimed.group(1)) > _MOST_POINTS_PER_BYTE * len(content):
@@ -166,6 +187,6 @@ def _read_cloud(path: Path, content: bytes) -> tuple[Array, Array | None]:
         except (RuntimeError, MemoryError) as error:
             raise ObjectError(path, f"not readable as a cloud ({error})", "Export it again.") from error
     points = np.asarray(cloud.points, dtype=np.float64).copy()
-    if not len(points):
-        raise ObjectError(path, "it has neither faces nor points, or is damaged", "Export the object again.")
-    return points, np.asarray(cloud.normals, dtype=np.float64).copy() if cloud.has_normals() else None
+    _check_points(path, points)
+    normals = np.asarray(cloud.normals, dtype=np.float64).copy() if cloud.has_normals() else None
+    return points, None, normals
