@@ -38,7 +38,9 @@ def test_gradient_of_the_likelihood_is_its_slope(hand, waving):
     windows = noise_module._choose_windows(kinematics, [(waving, RATE)], prior, TrackingParameters())
 
     def likelihood(logs):
-        return noise_module._likelihood(kinematics, windows[0], prior, MotionNoise(*np.exp(logs)))
+        noise = MotionNoise(*np.exp(logs))
+        models = noise_module._models(hand, prior, noise, windows[0].step)
+        return noise_module._likelihood(kinematics, windows[0], prior, noise, *models)
 
     logs = np.log(astuple(NOISE))
     _, score = likelihood(logs)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
+from graspdb_ingest.tracking.algebra import normal_equations
 
 MAXIMUM_STEPS = 60
 FREE = 6  # degrees of freedom of the free joint, before the hinges
@@ -121,12 +122,12 @@ def _descend(kinematics: Kinematics, target: _Target, start: Floats) -> FrameFit
     hand, limits, seen = kinematics.hand, kinematics.hand.joint_range, target.seen
     q, damping = start, 1e-3
     residuals, cost = _cost(kinematics, target, q)
+    root_weight = np.where(seen, 1 / target.sd[:, 0], 0.0)
     for _ in range(MAXIMUM_STEPS):
         kinematics.move(q)
-        jacobian = (kinematics.marker_jacobian() / target.sd[..., None])[seen].reshape(-1, hand.n_dof)
-        normal = jacobian.T @ jacobian
+        equations = normal_equations(kinematics.marker_jacobian(), residuals, root_weight)
+        normal, gradient = equations[:-1], equations[-1]
         normal[FREE:, FREE:] += target.precision
-        gradient = jacobian.T @ (residuals / target.sd)[seen].ravel()
         gradient[FREE:] -= target.precision @ (q[SEVEN:] - target.mean)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
         trial = hand.integrate(q, step)

@@ -16,13 +16,13 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.algebra import smoothed_covariance
 from graspdb_ingest.tracking.filter import HandFilter, State, Update
 from graspdb_ingest.tracking.fit import FREE, SEVEN, fit_frame, visible
 from graspdb_ingest.tracking.motion import (
     Blocks,
     MotionModel,
     MotionNoise,
-    from_blocks,
     left_half,
     motion_model,
     to_blocks,
@@ -90,7 +90,8 @@ def estimate_noise(
 
     def negative(scales: Floats) -> tuple[float, Floats]:
         noise = MotionNoise(*np.exp(scales))
-        parts = [_likelihood(kinematics, window, prior, noise) for window in windows]
+        models = {step: _models(hand, prior, noise, step) for step in {window.step for window in windows}}
+        parts = [_likelihood(kinematics, window, prior, noise, *models[window.step]) for window in windows]
         away = (scales - middle) / SCALE_SD
         value = away @ away / 2 - sum(value for value, _ in parts)
         return float(value), away / SCALE_SD - sum(score for _, score in parts)
@@ -147,17 +148,22 @@ def _without_faults(
 ) -> _Window:
     """Return the window with the markers that do not pass the gate taken out, so that none needs it later."""
     kept = window.markers.copy()
-    for i, (_, update) in enumerate(_forward(kinematics, window, prior, noise, gate)):
+    motion = motion_model(kinematics.hand, prior, noise, window.step)
+    for i, (_, update) in enumerate(_forward(kinematics, window, prior, noise, motion, gate)):
         kept[i, ~update.used] = np.nan
     return _Window(kept, window.step, window.start)
 
 
 def _forward(
-    kinematics: Kinematics, window: _Window, prior: PosturePrior, noise: MotionNoise, gate: float
+    kinematics: Kinematics,
+    window: _Window,
+    prior: PosturePrior,
+    noise: MotionNoise,
+    motion: MotionModel,
+    gate: float,
 ) -> list[tuple[State, Update]]:
     """Return prediction and correction of every frame; a gate of 1 lets all markers pass."""
     hand = kinematics.hand
-    motion = motion_model(hand, prior, noise, window.step)
     filter_ = HandFilter(kinematics, motion, prior, np.full(len(hand.markers), noise.marker_sd), gate)
     state, passed = filter_.start(window.start), []
     for i, observed in enumerate(window.markers):
@@ -168,24 +174,35 @@ def _forward(
     return passed
 
 
+def _models(
+    hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float
+) -> tuple[MotionModel, list[MotionModel]]:
+    """Return the process model of some scales, and those with each scale of movement perturbed in turn."""
+    logs, perturbed = np.log(astuple(noise)), []
+    for i in range(len(logs) - 1):
+        moved = logs.copy()
+        moved[i] += PERTURBATION
+        perturbed.append(motion_model(hand, prior, MotionNoise(*np.exp(moved)), step))
+    return motion_model(hand, prior, noise, step), perturbed
+
+
 def _likelihood(
-    kinematics: Kinematics, window: _Window, prior: PosturePrior, noise: MotionNoise
+    kinematics: Kinematics,
+    window: _Window,
+    prior: PosturePrior,
+    noise: MotionNoise,
+    motion: MotionModel,
+    perturbed: Sequence[MotionModel],
 ) -> tuple[float, Floats]:
     """Return the log likelihood of a window and its derivatives by the logarithms of the scales."""
-    hand, logs = kinematics.hand, np.log(astuple(noise))
-    passed = _forward(kinematics, window, prior, noise, gate=1.0)
+    hand = kinematics.hand
+    passed = _forward(kinematics, window, prior, noise, motion, gate=1.0)
     forward = ForwardPass(len(passed), hand.n_dof)
     value = 0.0
     for observed, (predicted, update) in zip(window.markers, passed, strict=True):
         forward.append(predicted, update)
         value += _log_density(kinematics, observed, predicted, update, noise.marker_sd)
-    motion = motion_model(hand, prior, noise, window.step)
-    perturbed = []
-    for i in range(len(logs) - 1):
-        moved = logs.copy()
-        moved[i] += PERTURBATION
-        perturbed.append(motion_model(hand, prior, MotionNoise(*np.exp(moved)), window.step))
-    score = np.zeros(len(logs))
+    score = np.zeros(len(perturbed) + 1)
     for i, adjoint, matrix in forward.backward(motion):
         predicted, update = passed[i]
         observed, sd = window.markers[i], noise.marker_sd
@@ -233,7 +250,7 @@ def _noise_score(
     kinematics.move(kinematics.hand.integrate(predicted.q, -(adjoint @ left)))
     residual = (observed - kinematics.markers)[update.used].ravel()
     rows = kinematics.marker_jacobian()[update.used].reshape(len(residual), -1)
-    covariance = predicted.position_covariance - left.T @ from_blocks(matrix) @ left
+    covariance = smoothed_covariance(matrix, left)
     expected = residual @ residual + np.sum((rows @ covariance) * rows)
     return float(expected / marker_sd**2 - len(residual))
 

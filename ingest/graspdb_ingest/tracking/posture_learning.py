@@ -79,7 +79,7 @@ def learn_prior(
     spread_evenly = np.linspace(0, len(usable) - 1, min(N_FRAMES, len(usable))).astype(int)
     frames = frames[usable[spread_evenly]]
     kinematics, prior = Kinematics(hand), default
-    fits: Sequence[FrameFit] = [fit_frame(kinematics, frame, prior, marker_sd) for frame in frames]
+    fits = _fit_in_turn(kinematics, frames, prior, marker_sd)
     kept = [i for i, fit in enumerate(fits) if _fits(fit, marker_sd)]
     if len(kept) < MINIMUM_FRAMES:
         return LearnedPrior(default, 0, 0.0)
@@ -94,6 +94,19 @@ def learn_prior(
             for frame, fit in zip(frames, fits, strict=True)
         ]
     return LearnedPrior(prior, len(frames), independent)
+
+
+def _fit_in_turn(
+    kinematics: Kinematics, frames: Floats, prior: PosturePrior, marker_sd: Floats
+) -> Sequence[FrameFit]:
+    """Fit each frame from the last one's posture, and from nowhere where that does not explain it."""
+    fits: list[FrameFit] = []
+    for frame in frames:
+        near = refit_frame(kinematics, frame, prior, marker_sd, fits[-1].q) if fits else None
+        if near is None or not _fits(near, marker_sd):
+            near = fit_frame(kinematics, frame, prior, marker_sd)
+        fits.append(near)
+    return fits
 
 
 def _fits(fit: FrameFit, marker_sd: Floats) -> bool:
