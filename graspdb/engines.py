@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, Final, Generic, Protocol, Self, TypeVar
 
 from joblib import cpu_count
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from graspdb_schemas.errors import GraspDBError, ParameterError, nearest
@@ -143,12 +143,9 @@ class LocalEngine:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop the workers if something failed, and remove what was shared.
-
-        Otherwise they stay a while for the next session, for they take seconds to start.
-        """
-        if kind is not None and self._executor is not None:
-            self._executor.shutdown(kill_workers=True)
+        """Stop the workers, at once if something failed, and remove what was shared."""
+        if self._executor is not None:
+            self._executor.shutdown(kill_workers=kind is not None)
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def share(self, value: T) -> Shared[T]:
@@ -164,7 +161,9 @@ class LocalEngine:
             yield from ([function(*arguments)] for arguments in calls)
             return
         if self._executor is None:
-            self._executor = get_reusable_executor(
+            # Not the one that joblib keeps for all: whoever uses joblib besides would find it without the
+            # memory maps that joblib adds to it.
+            self._executor = ProcessPoolExecutor(
                 max_workers=self._workers, env=_ONE_THREAD, initializer=_leave_interrupts_to_the_parent
             )
         try:

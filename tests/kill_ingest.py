@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 sys.path.append(str(Path(__file__).parent))
 
@@ -32,10 +33,11 @@ from tiny_session import write_tiny_session
 
 import graspdb
 from graspdb import ingestion
+from graspdb.engines import Engine, make_engine
+from graspdb.preparation import prepare_parts, process_prepared
 from graspdb.store import Store
 from graspdb_ingest.input_key import session_inputs
 from graspdb_ingest.parameters import CloudParameters, IngestParameters
-from graspdb_ingest.pipeline import process_trial
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.manifest import Session, SessionTrial
@@ -94,13 +96,14 @@ def prepare(folder: Path) -> Bench:
 def _compute(folder: Path, session: Path) -> None:
     """Write what the trials stand on, and the rows of each, as `graspdb.ingest` would compute them."""
     described = ingestion.parse_manifest(session)
-    prepared = ingestion._prepare(described, described.trials, PARAMETERS, 1)
-    (folder / "prepared").write_bytes(pickle.dumps(prepared))
     inputs = session_inputs(described, PARAMETERS)
-    for trial in described.trials:
-        context = prepared.context(described, trial, inputs[trial.name])
-        rows = process_trial(described, trial, context, PARAMETERS)
-        (folder / trial.name).write_bytes(pickle.dumps(rows))
+    with make_engine(workers=1) as engine:
+        parts = prepare_parts(engine, described, described.trials, PARAMETERS)
+        shared = engine.share((described, PARAMETERS))
+        for trial in described.trials:
+            stands_on = ingestion._stands_on(described, parts, trial.object or "")
+            done = process_prepared(shared, trial, parts.of(described, trial), inputs[trial.name])
+            (folder / trial.name).write_bytes(pickle.dumps((stands_on, done.rows)))
 
 
 def one_round(bench: Bench, number: int, rng: random.Random) -> Round:
@@ -162,20 +165,26 @@ def _run(folder: Path, db: Path, kill_after: float | None = None) -> None:
 def _ingest(folder: str, db: str) -> None:
     """Ingest the session; workers hand over the rows that were computed once."""
     os.setsid()
-    prepared = pickle.loads(Path(folder, "prepared").read_bytes())
 
-    def handed_over(_: Session, todo: Sequence[SessionTrial], *__: object) -> Iterator[TrialTables]:
-        yield from pool.imap(_read, [Path(folder, trial.name) for trial in todo])
+    def handed_over(
+        _: Engine, __: Session, todo: Sequence[SessionTrial], *rest: object
+    ) -> Iterator[list[TrialTables]]:
+        store = cast(Store, rest[-1])
+        for number, (stands_on, rows) in enumerate(
+            pool.imap(_read, [Path(folder, trial.name) for trial in todo])
+        ):
+            if number == 0:  # all trials are of one object
+                store.commit_session(stands_on)
+            yield [rows]
 
     # The workers are forked before the store starts threads of its own.
     with multiprocessing.get_context("fork").Pool(WORKERS) as pool:
-        ingestion._prepare = lambda *_: prepared
         ingestion._processed = handed_over
         ingestion.ingest(Path(folder, "session"), db, workers=WORKERS, parameters=PARAMETERS)
 
 
-def _read(file: Path) -> TrialTables:
-    rows: TrialTables = pickle.loads(file.read_bytes())
+def _read(file: Path) -> tuple[TrialTables, TrialTables]:
+    rows: tuple[TrialTables, TrialTables] = pickle.loads(file.read_bytes())
     return rows
 
 

@@ -136,10 +136,11 @@ class Engine:
             parsed = cursor.extract_statements(statement)
         if len(parsed) != 1:
             raise QueryError(f"found {len(parsed)} statements, and one can be answered", NOT_A_QUERY)
-        if parsed[0].type == duckdb.StatementType.MULTI:
+        kind = _kind(parsed[0])
+        if kind == duckdb.StatementType.MULTI:
             raise QueryError("PIVOT has to be told its values", "Write PIVOT ... ON column IN (value, ...).")
-        if parsed[0].type != duckdb.StatementType.SELECT:
-            raise QueryError(f"found a statement of kind {parsed[0].type.name}", NOT_A_QUERY)
+        if kind != duckdb.StatementType.SELECT:
+            raise QueryError(f"found a statement of kind {kind.name if kind else 'unknown'}", NOT_A_QUERY)
         wanted = sorted(parsed[0].named_parameters)
         for name in parameters:
             if name not in wanted:
@@ -224,6 +225,14 @@ def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> 
 
 def _files(sources: Mapping[str, TableSource]) -> list[str]:
     return [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
+
+
+def _kind(statement: duckdb.Statement) -> duckdb.StatementType | None:
+    """Return the kind of a statement, None for one of which DuckDB's Python package has no name."""
+    try:
+        return duckdb.StatementType(statement.type)
+    except ValueError:
+        return None
 
 
 def _is_utf8(text: str) -> bool:
