@@ -19,6 +19,15 @@ _ROOT: Final = "the manifest"
 class _Loader(yaml.SafeLoader):
     """A safe loader that leaves dates as they are written, since JSON has none."""
 
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Return a node's value; say where it stands if it is none of what its tag says."""
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            kind = node.tag.rpartition(":")[2]
+            message = f"{describe(node.value)} is no {kind}"
+            raise yaml.constructor.ConstructorError(problem=message, problem_mark=node.start_mark) from error
+
 
 _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]

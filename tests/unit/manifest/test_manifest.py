@@ -354,6 +354,10 @@ def test_files_may_lie_under_the_data_root(folder: Path, tmp_path: Path) -> None
         ("a: .nan\n", "a finite number"),
         ("subjects: {1: {hand: right}}\n", "put it in quotes"),
         ("a: !!binary aGVsbG8=\n", "bytes"),
+        ("id: x\nup: !!timestamp tomorrow\n", "line 2, column 5: .*'tomorrow' is no timestamp"),
+        ("a: !!bool maybe\n", "'maybe' is no bool"),
+        ("a: !!int ''\n", "empty text is no int"),
+        ("a: 0b_\n", "'0b_' is no int"),
         ("a: " + "[" * 3000 + "]" * 3000, "recursion"),
     ],
 )
