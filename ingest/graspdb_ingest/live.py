@@ -208,10 +208,10 @@ class HandTracker:
                 "markers", observed.shape, f"({len(self.hand.markers)}, 3), NaN where not seen"
             )
         observed[~np.isfinite(observed).all(axis=1)] = np.nan
-        update = self._follower.step(observed).update
-        if update is None:
+        followed = self._follower.step(observed)
+        if followed is None:
             return self._unknown(len(observed))
-        state = update.state
+        state = followed.state
         self._kinematics.move(state.q)
         sites = self._kinematics.sites
         covariance = state.position_covariance
@@ -222,7 +222,7 @@ class HandTracker:
             q_sd=np.sqrt(np.diagonal(covariance)),
             sites=sites,
             sites_sd=np.sqrt(variance.reshape(N_SITES, 3).sum(axis=1)),
-            used=update.used,
+            used=followed.used,
             gap=self._gaps(sites, object_markers),
             threshold=self._parameters.contact.threshold,
         )

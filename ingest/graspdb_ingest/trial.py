@@ -19,8 +19,9 @@ from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.rigid import inverse_transform_points
 from graspdb_ingest.surface import HandPoints, key_points
 from graspdb_ingest.surface.touch import PosedHand, pose_hand
+from graspdb_ingest.tracking.correction import JointReadings
 from graspdb_ingest.tracking.fit import FREE, SEVEN
-from graspdb_ingest.tracking.glove import GloveFit, GloveMeasurement, fit_glove
+from graspdb_ingest.tracking.glove import GloveFit, fit_glove
 from graspdb_ingest.tracking.tracker import HandTrack, track_hand
 from graspdb_ingest.trial_markers import TrialMarkers
 from graspdb_ingest.verdict import check_track
@@ -188,7 +189,7 @@ def follow(
     markers: Floats,
     rate: float,
     parameters: IngestParameters,
-    glove: GloveMeasurement | None = None,
+    glove: JointReadings | None = None,
 ) -> HandTrack:
     """Follow one prepared hand through markers of shape (n_frames, n_markers, 3) [m] at a rate [Hz]."""
     return track_hand(
@@ -249,6 +250,5 @@ def _with_holds(
 def _wrists(hand: PreparedHand, track: HandTrack) -> NDArray[np.float64]:
     """Return the palm's origin, the wrist, in every frame, lab frame [m], shape (n_frames, 1, 3)."""
     wrists = np.full((len(track.q), 1, 3), np.nan)
-    for frame in np.flatnonzero(track.tracked):
-        wrists[frame, 0] = hand.hand.palm(track.q[frame])[0]
+    wrists[track.tracked, 0] = hand.hand.palms(track.q[track.tracked])[0]
     return wrists

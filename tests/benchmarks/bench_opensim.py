@@ -116,7 +116,7 @@ def forward_and_backward(hand: HandModel, markers: Floats, prior: PosturePrior) 
     noise = MotionNoise.assumed(PARAMETERS)
     motion = motion_model(hand, prior, noise, 1 / RATE)
     follower = make_follower(Kinematics(hand), motion, prior, PARAMETERS, RATE, noise)
-    for stretch in follow(follower, markers, None, ForwardPass(len(markers), hand.n_dof)):
+    for stretch in follow(follower, markers, None, ForwardPass(len(markers), hand.n_dof, len(hand.markers))):
         for _ in stretch.forward.smooth(motion):
             pass
 

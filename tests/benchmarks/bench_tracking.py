@@ -147,15 +147,13 @@ def tracking_speed() -> Sequence[Result]:
     markers, prior = recorded.markers, default_prior(recorded.hand)
     kinematics = Kinematics(recorded.hand)
     motion = motion_model(recorded.hand, prior, recorded.noise, 1 / RATE)
-    forward = ForwardPass(len(markers), recorded.hand.n_dof)
+    forward = ForwardPass(len(markers), recorded.hand.n_dof, len(recorded.hand.markers))
 
     def once() -> None:
         follower = make_follower(kinematics, motion, prior, PARAMETERS, RATE, recorded.noise)
-        follower.step(markers[0])
-        for stretch in follow(follower, markers[1:], None, forward):
+        for stretch in follow(follower, markers, None, forward):
             for _ in stretch.forward.smooth(motion):
                 pass
-        forward.clear()
 
     with threadpool_limits(1):
         both = min(_seconds(once) for _ in range(5))

@@ -51,7 +51,10 @@ def markers(hand, motion):
 def disturbances(hand, motion: MotionModel, markers, activity) -> Disturbances:
     noise = replace(NOISE, marker_sd=0.0005)
     follower = make_follower(Kinematics(hand), motion, default_prior(hand), PARAMETERS, RATE, noise)
-    forward, found = ForwardPass(len(markers), hand.n_dof), Disturbances(*np.zeros((2, *activity.shape)))
+    forward, found = (
+        ForwardPass(len(markers), hand.n_dof, len(hand.markers)),
+        Disturbances(*np.zeros((2, *activity.shape))),
+    )
     for stretch in follow(follower, markers, None, forward, activity):
         for part in forward.smooth(motion, activity[stretch.rows]):
             rows = slice(stretch.first + part.frames.start, stretch.first + part.frames.stop)

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import LIMIT_SD, HandFilter, State
+from graspdb_ingest.tracking.correction import LIMIT_SD
+from graspdb_ingest.tracking.filter import HandFilter, State
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model, to_blocks
 from graspdb_schemas.vocabulary import N_DOF, Side
 
@@ -110,7 +111,8 @@ def test_gate_passes_noise_and_stops_a_far_marker(filter_, hand, prior):
 def test_frame_without_markers_changes_nothing(filter_, hand, prior):
     state, _ = settled(filter_, hand, prior)
     update = filter_.update(state, np.full((24, 3), np.nan))
-    assert update.state is state
+    assert np.array_equal(update.state.q, state.q)
+    assert np.array_equal(update.state.blocks, state.blocks)
     assert not update.used.any()
     assert not update.at_limit
 

@@ -12,7 +12,8 @@ from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import GloveParameters, TrackingParameters
 from graspdb_ingest.readers.glove import GloveRecording
 from graspdb_ingest.recording import Recording
-from graspdb_ingest.tracking.glove import GloveMeasurement, correlation_length, fit_glove
+from graspdb_ingest.tracking.correction import JointReadings
+from graspdb_ingest.tracking.glove import correlation_length, fit_glove
 from graspdb_ingest.tracking.tracker import track_hand
 from graspdb_schemas.errors import RecordingError
 from graspdb_schemas.vocabulary import JOINT_ANGLES, SITES, Side
@@ -200,6 +201,6 @@ def test_a_glove_alone_moves_no_other_joint_than_its_own(hands):
     hinge = JOINT_ANGLES.index("index_pip_flexion")
     angles = np.full((60, 1), np.deg2rad(60))
     angles[:30] = 0.0
-    glove = GloveMeasurement(np.array([hinge]), angles, np.array([np.deg2rad(1) ** 2]))
+    glove = JointReadings(np.array([hinge]), angles, np.array([np.deg2rad(1) ** 2]))
     track = track_hand(hand, markers, RATE, default_prior(hand), TrackingParameters(), glove)
     assert np.rad2deg(track.q[-1, 7 + hinge]) == pytest.approx(60, abs=5)

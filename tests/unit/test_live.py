@@ -55,11 +55,11 @@ def forward(hand, markers):
     noise = MotionNoise.assumed(tracking)
     motion = motion_model(hand, prior, noise, 1 / RATE)
     follower = make_follower(Kinematics(hand), motion, prior, tracking, RATE, noise)
-    memory = ForwardPass(len(markers), hand.n_dof)
+    memory = ForwardPass(len(markers), hand.n_dof, len(hand.markers))
     for stretch in follow(follower, markers, None, memory):
         last = next(iter(stretch.forward.smooth(motion)))
-        q = hand.integrate(stretch.q[-1], last.step[-1])
-        used = stretch.used[-1]
+        q = hand.integrate(memory.record.q[memory.length - 1], last.step[-1])
+        used = memory.record.used[memory.length - 1].copy()
     q[7:] = np.clip(q[7:], *hand.joint_range.T)
     return q, np.sqrt(np.diagonal(last.covariance[-1])), used
 

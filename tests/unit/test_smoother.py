@@ -75,7 +75,7 @@ def textbook(problem, motion):
 
 def ours(problem, motion):
     """Return means and covariances of the positions by the filter's solution and the backward pass."""
-    forward = ForwardPass(N_FRAMES, N_DOF)
+    forward = ForwardPass(N_FRAMES, N_DOF, 0)
     x, p = np.zeros(2 * N_DOF), np.diag(np.repeat([0.1, 1.0], N_DOF))
     predictions = np.empty((N_FRAMES, N_DOF))
     for i, (rows, values) in enumerate(zip(problem.rows, problem.values, strict=True)):
@@ -84,8 +84,8 @@ def ours(problem, motion):
         blocks, predictions[i] = to_blocks(p), x[:N_DOF]
         information, score = rows.T @ rows / NOISE**2, rows.T @ (values - rows @ x[:N_DOF]) / NOISE**2
         solved = solve_measured(blocks[2], np.vstack([information, score]))
-        update = Update(State(x, x, blocks), np.zeros(0, bool), False, solved[:-1], solved[-1])
-        forward.append(State(x, x, blocks), update)
+        predicted = State(np.zeros(N_DOF + 1), x[N_DOF:], blocks)  # configurations play no part
+        forward.append(predicted, Update(predicted, np.zeros(0, bool), False, solved[:-1], solved[-1]))
         x, p = x + p[:, :N_DOF] @ solved[-1], from_blocks(corrected(blocks, solved[:-1]))
     means, covariances = np.empty((N_FRAMES, N_DOF)), np.empty((N_FRAMES, N_DOF, N_DOF))
     for part in forward.smooth(motion):

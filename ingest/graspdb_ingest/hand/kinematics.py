@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.model import Floats, HandModel
+from graspdb_ingest.hand.tree import carried, points_of, tree_of
 
 
 class Kinematics:
@@ -18,6 +19,13 @@ class Kinematics:
     ----------
     hand : HandModel
         The hand.
+
+    Attributes
+    ----------
+    tree : Tree
+        The hand for compiled code, which places it by itself.
+    marker_points, site_points : Points
+        Its markers and sites for compiled code.
     """
 
     def __init__(self, hand: HandModel) -> None:
@@ -30,6 +38,9 @@ class Kinematics:
         self._qpos, self._points = self._data.qpos, self._data.site_xpos
         self._marker_ids = hand.marker_ids
         self._site_ids = hand.site_ids
+        self.tree = tree_of(self.model)
+        self.marker_points = points_of(self.model, self._marker_ids)
+        self.site_points = points_of(self.model, self._site_ids)
         self._marker_jacobian = _PointJacobian(self.model, self._data, self._marker_ids)
         self._site_jacobian = _PointJacobian(self.model, self._data, self._site_ids)
 
@@ -77,7 +88,7 @@ class _PointJacobian:
         self._model, self._data, self._ids = model, data, ids
         bodies = model.site_bodyid[ids]
         roots = model.body_rootid[bodies]
-        self._memory = data.site_xpos, ids, data.subtree_com, roots, data.cdof, _carries(model)[bodies]
+        self._memory = data.site_xpos, ids, data.subtree_com, roots, data.cdof, carried(model)[bodies]
         self._jacobian: Floats = np.zeros((len(ids), 3, model.nv))
 
     def now(self) -> Floats:
@@ -110,13 +121,3 @@ def _write_jacobian(
                 jacobian[i, 0, dof] = a[3] + a[1] * z - a[2] * y
                 jacobian[i, 1, dof] = a[4] + a[2] * x - a[0] * z
                 jacobian[i, 2, dof] = a[5] + a[0] * y - a[1] * x
-
-
-def _carries(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which degrees of freedom move which bodies, shape (n_bodies, n_dof)."""
-    carries = np.zeros((model.nbody, model.nv), dtype=bool)
-    for body in range(1, model.nbody):  # parents come first
-        carries[body] = carries[model.body_parentid[body]]
-        first = model.body_dofadr[body]
-        carries[body, first : first + model.body_dofnum[body]] = True
-    return carries

@@ -226,12 +226,20 @@ class HandModel:
 
     def palm(self, q: Floats) -> tuple[Floats, Floats]:
         """Return position (3,) and rotation (3, 3) of the palm: the segment ``hand``, else the root."""
+        positions, rotations = self.palms(q[None])
+        return positions[0], rotations[0]
+
+    def palms(self, q: Floats) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and rotations (n, 3, 3) of the palm in configurations of shape (n, n_q)."""
         model, data = self.mujoco_model, mujoco.MjData(self.mujoco_model)
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
         hand = mujoco.mj_name2id(model, _BODY, "hand")
         body = hand if hand >= 0 else int(model.jnt_bodyid[0])
-        return np.array(data.xpos[body]), np.array(data.xmat[body]).reshape(3, 3)
+        positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 9))
+        for i, configuration in enumerate(q):
+            data.qpos[:] = configuration
+            mujoco.mj_kinematics(model, data)
+            positions[i], rotations[i] = data.xpos[body], data.xmat[body]
+        return positions, rotations.reshape(-1, 3, 3)
 
     def integrate(self, q: Floats, step: Floats) -> Floats:
         """Return `q` moved by a step in the degrees of freedom, shape (n_q,).

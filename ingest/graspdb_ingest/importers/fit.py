@@ -246,6 +246,6 @@ def _fit_frames(hand: PreparedHand, key_points: Floats) -> FittedHand:
 def _wrists(hand: PreparedHand, q: Floats) -> Floats:
     """Return the palm's origin, the wrist, in every frame [m], shape (n, 3)."""
     wrists = np.full((len(q), 3), np.nan)
-    for frame in np.flatnonzero(np.isfinite(q[:, 0])):
-        wrists[frame] = hand.hand.palm(q[frame])[0]
+    known = np.isfinite(q[:, 0])
+    wrists[known] = hand.hand.palms(q[known])[0]
     return wrists

@@ -17,11 +17,11 @@ def predicted_covariance(blocks: Floats, transition: Floats, noise: Floats, fact
     """Return F P F^T + D Q D, shape (4, n, n), with D the factors on the noise's standard deviation, (n,)."""
     predicted = _congruent(blocks, transition)
     n = len(factors)
-    for i in range(n):
-        for j in range(n):
-            scale = factors[i] * factors[j]
-            for block in range(4):
-                predicted[block, i, j] += scale * noise[block, i, j]
+    for block in range(4):
+        for i in range(n):
+            row, scaled, factor = predicted[block, i], noise[block, i], factors[i]
+            for j in range(n):
+                row[j] += factor * factors[j] * scaled[j]
     return predicted
 
 
@@ -80,10 +80,10 @@ def normal_equations(jacobian: Floats, innovation: Floats, root_weight: Floats) 
         weight = root_weight[marker]
         for axis in range(3):
             distance = weight * innovation[marker, axis]
+            row, derivatives = rows[3 * place + axis], jacobian[marker, axis]
             for j in range(n):
-                element = weight * jacobian[marker, axis, j]
-                rows[3 * place + axis, j] = element
-                score[j] += element * distance
+                row[j] = weight * derivatives[j]
+                score[j] += distance * row[j]
     np.dot(rows.T, rows, normal[:n])
     return normal
 
@@ -96,20 +96,63 @@ def solve_measured(covariance: Floats, normal: Floats) -> Floats:
     number of markers.
     """
     n = len(covariance)
-    matrix = np.dot(normal[:n], covariance)
+    system = np.empty((n, 2 * n + 1))
+    system[:, :n] = np.dot(normal[:n], covariance)
     for i in range(n):
-        matrix[i, i] += 1.0
-    return np.linalg.solve(matrix, normal.T).T.copy()
+        system[i, i] += 1.0
+        for j in range(n + 1):
+            system[i, n + j] = normal[j, i]
+    solve(system)
+    solved = np.empty((n + 1, n))
+    for i in range(n + 1):
+        for j in range(n):
+            solved[i, j] = system[j, n + i]
+    return solved
+
+
+@compiled
+def solve(system: Floats) -> None:
+    """Solve M X = B in place: from [M, B], shape (n, n + k), columns n and on become X.
+
+    Gaussian elimination with partial pivoting. For n about 30 it takes as long as LAPACK, whose call Numba
+    compiles for half a minute.
+    """
+    n = len(system)
+    for column in range(n):
+        pivot = column
+        for row in range(column + 1, n):
+            if abs(system[row, column]) > abs(system[pivot, column]):
+                pivot = row
+        source = system[column, column:]
+        if pivot != column:
+            other = system[pivot, column:]
+            for j in range(len(source)):
+                source[j], other[j] = other[j], source[j]
+        for row in range(column + 1, n):
+            target = system[row, column:]
+            factor = target[0] / source[0]
+            for j in range(len(source)):
+                target[j] -= factor * source[j]
+    for row in range(n - 1, -1, -1):
+        target = system[row, n:]
+        for below in range(row + 1, n):
+            factor, source = system[row, below], system[below, n:]
+            for j in range(len(target)):
+                target[j] -= factor * source[j]
+        factor = 1.0 / system[row, row]
+        for j in range(len(target)):
+            target[j] *= factor
 
 
 @compiled
 def corrected(blocks: Floats, inverse: Floats) -> Floats:
     """Return P - P H^T S^-1 H P, shape (4, n, n), with J^T S^-1 J = `inverse`, shape (n, n)."""
-    position_gain, velocity_gain = np.dot(blocks[2], inverse), np.dot(blocks[3], inverse)
+    n = len(inverse)
+    gain = np.dot(_left(blocks), inverse)
     after = np.empty_like(blocks)
-    after[2] = blocks[2] - np.dot(position_gain, blocks[2])
-    after[3] = blocks[3] - np.dot(velocity_gain, blocks[2])
-    after[1] = blocks[1] - np.dot(velocity_gain, blocks[0])
+    told = np.dot(gain, blocks[2])
+    after[2], after[3] = blocks[2] - told[:n], blocks[3] - told[n:]
+    after[1] = blocks[1] - np.dot(gain[n:], blocks[0])
     _symmetrise(after[1])
     _symmetrise(after[2])
     after[0] = after[3].T
@@ -129,12 +172,12 @@ def before_measurement(
     through = -np.dot(columns, inverse)
     for i in range(n):
         through[i, i] += 1.0
-    of_position, of_velocity = _times(matrix, through)
+    carried = _times(matrix, through)
     before = np.empty_like(matrix)
     before[1] = matrix[1]
-    before[2] = np.dot(through[:n].T, of_position) + np.dot(through[n:].T, of_velocity) + inverse
-    before[3] = of_velocity
-    before[0] = of_velocity.T
+    before[2] = np.dot(through.T, carried) + inverse
+    before[3] = carried[n:]
+    before[0] = before[3].T
     _symmetrise(before[2])
     earlier = adjoint.copy()
     earlier[:n] = np.dot(adjoint, through) - weighted
@@ -145,35 +188,48 @@ def before_measurement(
 def smoothed_covariance(matrix: Floats, columns: Floats) -> Floats:
     """Return P - P X P of the positions, shape (n, n); `columns` as in `before_measurement`."""
     n = columns.shape[1]
-    of_position, of_velocity = _times(matrix, columns)
-    told: Floats = np.dot(columns[:n].T, of_position) + np.dot(columns[n:].T, of_velocity)
+    told: Floats = np.dot(columns.T, _times(matrix, columns))
     return columns[:n] - told
 
 
 @compiled
-def _times(matrix: Floats, columns: Floats) -> tuple[Floats, Floats]:
-    """Return the rows of positions and of velocities, each (n, n), of X C for columns C of shape (2 n, n)."""
+def _times(matrix: Floats, columns: Floats) -> Floats:
+    """Return X C, shape (2 n, n), for columns C of shape (2 n, n)."""
     n = columns.shape[1]
-    of_position = np.dot(matrix[2], columns[:n]) + np.dot(matrix[0], columns[n:])
-    of_velocity = np.dot(matrix[3], columns[:n]) + np.dot(matrix[1], columns[n:])
-    return of_position, of_velocity
+    product: Floats = np.dot(_left(matrix), columns[:n]) + np.dot(_right(matrix), columns[n:])
+    return product
+
+
+@compiled
+def _left(blocks: Floats) -> Floats:
+    """Return the columns of the positions, shape (2 n, n): a view."""
+    return blocks[2:].reshape(2 * blocks.shape[1], blocks.shape[1])
+
+
+@compiled
+def _right(blocks: Floats) -> Floats:
+    """Return the columns of the velocities, shape (2 n, n): a view."""
+    return blocks[:2].reshape(2 * blocks.shape[1], blocks.shape[1])
 
 
 @compiled
 def _congruent(blocks: Floats, transition: Floats) -> Floats:
     """Return F X F^T of a symmetric X, shape (4, n, n)."""
+    n = blocks.shape[1]
     a, b, c, d = transition
-    n = len(a)
     result = np.empty_like(blocks)
     for i in range(n):
+        pv, vv, pp, vp = blocks[0, i], blocks[1, i], blocks[2, i], blocks[3, i]
+        to_vv, to_pp, to_vp = result[1, i], result[2, i], result[3, i]
+        ai, bi, ci, di = a[i], b[i], c[i], d[i]
         for j in range(n):
-            of_position = a[j] * blocks[2, i, j] + b[j] * blocks[0, i, j]
-            of_velocity = a[j] * blocks[3, i, j] + b[j] * blocks[1, i, j]
-            result[2, i, j] = a[i] * of_position + b[i] * of_velocity
-            result[3, i, j] = c[i] * of_position + d[i] * of_velocity
-            of_position = c[j] * blocks[2, i, j] + d[j] * blocks[0, i, j]
-            of_velocity = c[j] * blocks[3, i, j] + d[j] * blocks[1, i, j]
-            result[1, i, j] = c[i] * of_position + d[i] * of_velocity
+            of_position = a[j] * pp[j] + b[j] * pv[j]
+            of_velocity = a[j] * vp[j] + b[j] * vv[j]
+            to_pp[j] = ai * of_position + bi * of_velocity
+            to_vp[j] = ci * of_position + di * of_velocity
+            of_position = c[j] * pp[j] + d[j] * pv[j]
+            of_velocity = c[j] * vp[j] + d[j] * vv[j]
+            to_vv[j] = ci * of_position + di * of_velocity
     _symmetrise(result[1])
     _symmetrise(result[2])
     result[0] = result[3].T

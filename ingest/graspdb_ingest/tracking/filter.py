@@ -7,24 +7,16 @@ frame says is one matrix and one vector of the size of the degrees of freedom.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
-from graspdb_ingest.tracking.algebra import corrected, normal_equations, solve_measured
-from graspdb_ingest.tracking.fit import FREE, SEVEN, visible
-from graspdb_ingest.tracking.motion import Blocks, MotionModel, from_blocks, left_half, to_blocks
-
-LIMIT_SD: Final = np.deg2rad(0.5)
-"""Tightness with which an angle beyond its limit is pulled back to it [rad]."""
-LARGE_STEP: Final = 0.05
-"""Markers are linearised again where a joint turns further than this from the last time [rad]."""
-MAXIMUM_LINEARISATIONS: Final = 5
+from graspdb_ingest.hand.tree import memory_of
+from graspdb_ingest.tracking.correction import NO_READINGS, JointReadings, Setting, correct, predict
+from graspdb_ingest.tracking.motion import Blocks, MotionModel, from_blocks, to_blocks
 
 
 @dataclass(frozen=True)
@@ -54,23 +46,6 @@ class State:
     def position_covariance(self) -> Floats:
         """Covariance of the error in position, shape (n_dof, n_dof)."""
         return np.asarray(self.blocks[2])
-
-
-@dataclass(frozen=True)
-class JointReadings:
-    """Joint angles that were measured in one frame, besides markers.
-
-    Attributes
-    ----------
-    hinges : ndarray of int, shape (k,)
-        Places among the hand's hinges.
-    angles, variance : ndarray, shape (k,)
-        Angles [rad] and the variances of their errors [rad2].
-    """
-
-    hinges: NDArray[np.int64]
-    angles: Floats
-    variance: Floats
 
 
 @dataclass(frozen=True)
@@ -104,7 +79,7 @@ class HandFilter:
     Parameters
     ----------
     kinematics : Kinematics
-        Workspace of the hand.
+        The hand.
     motion : MotionModel
         The step between frames.
     prior : PosturePrior
@@ -113,6 +88,11 @@ class HandFilter:
         Standard deviation of each marker [m].
     gate : float
         Probability that a true marker passes the Mahalanobis gate.
+
+    Attributes
+    ----------
+    setting, placed : Setting, Placed
+        All this, and memory for the hand's place, for compiled code.
     """
 
     def __init__(
@@ -123,47 +103,44 @@ class HandFilter:
         marker_sd: Floats,
         gate: float,
     ) -> None:
-        self._kinematics = kinematics
-        self._hand = kinematics.hand
-        self._n = kinematics.hand.n_dof
-        self._lowest, self._highest = kinematics.hand.joint_range.T.copy()
+        lowest, highest = np.ascontiguousarray(kinematics.hand.joint_range.T)
         self._motion = motion
-        self._prior = prior
-        self._root_weight = 1 / marker_sd
-        self._gate = float(chi2.ppf(gate, df=3))
-        self._explained = self._gate * marker_sd**2
-        self._angle_gate = float(chi2.ppf(gate, df=1))
+        self._usual = np.ones(kinematics.hand.n_dof)
+        self.setting = Setting(
+            tree=kinematics.tree,
+            markers=kinematics.marker_points,
+            transition=motion.transition,
+            noise=motion.noise_blocks,
+            mean=np.asarray(prior.mean, dtype=float),
+            lowest=lowest,
+            highest=highest,
+            root_weight=1 / marker_sd,
+            gate=float(chi2.ppf(gate, df=3)),
+            angle_gate=float(chi2.ppf(gate, df=1)),
+        )
+        self.placed = memory_of(kinematics.tree)
 
     def start(self, q: Floats) -> State:
         """Return a state at a fitted configuration, at rest, with the spread of any hand."""
-        return State(q, np.zeros(self._n), to_blocks(self._motion.stationary))
+        return State(q, np.zeros(len(self._usual)), to_blocks(self._motion.stationary))
 
     def predict(self, state: State, activity: Floats | None = None) -> State:
         """Return the state one step later.
 
         `activity` are factors on the standard deviation of the process noise, shape (n_dof,).
-
-        The free joint's own axes turn by the small angle of a step meanwhile; that second-order
-        turn of its covariance is left out.
         """
-        offset = np.zeros(self._n)
-        np.subtract(state.q[SEVEN:], self._prior.mean, out=offset[FREE:])
-        change, velocity = self._motion.predict_mean(offset, state.velocity)
-        blocks = self._motion.predict_covariance(state.blocks, activity)
-        return State(self._hand.integrate(state.q, change), velocity, blocks)
+        factors = self._usual if activity is None else activity
+        return State(*predict(self.setting, state.q, state.velocity, state.blocks, factors))
 
     def update(
         self,
         state: State,
         observed: Floats,
         gated: bool = True,
-        readings: JointReadings | None = None,
-        seen: Bools | None = None,
+        readings: JointReadings = NO_READINGS,
+        frame: int = 0,
     ) -> Update:
-        """Correct a predicted state by a frame of markers.
-
-        Gauss-Newton steps from the prediction, until every marker is linearised near the corrected
-        posture (iterated extended Kalman filter, Bell and Cathey 1993).
+        """Correct a predicted state by a frame of markers; see `correction.correct`.
 
         Parameters
         ----------
@@ -175,117 +152,23 @@ class HandFilter:
             Whether to leave out markers whose innovation is beyond the gate.
         readings : JointReadings, optional
             Joint angles that were measured besides.
-        seen : ndarray of bool, shape (n_markers,), optional
-            Which markers were seen, where that is known already.
+        frame : int
+            Which frame of the readings this is.
 
         Returns
         -------
         Update
             The corrected state, and which markers it used.
         """
-        seen = visible(observed) if seen is None else seen
-        jacobian, innovation = self._linearise(state.q, observed, seen)
-        used = self._passing(state, jacobian, innovation, seen) if gated else seen
-        angles = None if readings is None else self._angles(state, readings)
-        if not used.any() and angles is None:
-            return Update(state, used, False, np.zeros((self._n, self._n)), np.zeros(self._n))
-        root_weight = self._root_weight * used
-        last: Floats = np.zeros(self._n)
-        for _ in range(MAXIMUM_LINEARISATIONS):
-            normal = normal_equations(jacobian, innovation, root_weight)
-            normal[-1] += normal[:-1] @ last  # as if the innovation were that of the prediction
-            if angles is not None:
-                dofs, precision, innovations = angles
-                normal[dofs, dofs] += precision
-                normal[-1, dofs] += precision * innovations
-            at_limit, solved, step = self._solve(state, normal)
-            change = step[: self._n]
-            turned = change[3:] - last[3:]
-            if turned @ turned < LARGE_STEP**2 or np.abs(turned).max() < LARGE_STEP:
-                break
-            last = change
-            jacobian, innovation = self._linearise(self._hand.integrate(state.q, last), observed, seen)
-        after = State(
-            self._hand.integrate(state.q, change),
-            state.velocity + step[self._n :],
-            corrected(state.blocks, solved[:-1]),
+        *corrected, used, at_limit, solved = correct(
+            self.setting,
+            self.placed,
+            state.q,
+            state.velocity,
+            state.blocks,
+            observed,
+            readings,
+            frame,
+            gated,
         )
-        return Update(after, used, at_limit, solved[:-1], solved[-1])
-
-    def _angles(
-        self, state: State, readings: JointReadings
-    ) -> tuple[NDArray[np.int64], Floats, Floats] | None:
-        """Return degrees of freedom, precisions and innovations of the readings that pass the gate."""
-        dofs = readings.hinges + FREE
-        innovation = readings.angles - state.q[readings.hinges + SEVEN]
-        spread = state.position_covariance[dofs, dofs] + readings.variance
-        passing = innovation**2 <= self._angle_gate * spread
-        if not passing.any():
-            return None
-        return dofs[passing], 1 / readings.variance[passing], innovation[passing]
-
-    def _linearise(self, q: Floats, observed: Floats, seen: Bools) -> tuple[Floats, Floats]:
-        """Return the markers' Jacobian at a configuration, and how far they are from it (0 where unseen)."""
-        self._kinematics.move(q)
-        innovation = observed - self._kinematics.markers
-        innovation[~seen] = 0.0
-        return self._kinematics.marker_jacobian(), innovation
-
-    def _passing(self, state: State, jacobian: Floats, innovation: Floats, seen: Bools) -> Bools:
-        """Gate each marker by the Mahalanobis distance of its innovation.
-
-        A marker's own noise alone never gives a shorter distance than the whole spread does, so
-        the spread is needed only where the noise alone does not explain the innovation.
-        """
-        doubtful = (innovation * innovation) @ _ONES > self._explained
-        if not np.count_nonzero(doubtful):
-            return seen
-        rows = jacobian[doubtful]
-        spread = rows @ state.position_covariance @ rows.transpose(0, 2, 1)
-        spread[:, range(3), range(3)] += 1 / self._root_weight[doubtful, None] ** 2
-        solved = np.linalg.solve(spread, innovation[doubtful, :, None])[..., 0]
-        passing = seen.copy()
-        passing[doubtful] = np.einsum("mi,mi->m", innovation[doubtful], solved) <= self._gate
-        return passing
-
-    def _solve(self, state: State, normal: Floats) -> tuple[bool, Floats, Floats]:
-        """Return whether a joint is held at its limit, J^T S^-1 [J, y] transposed, and the step.
-
-        Angles that leave their limits are measured to be there.
-        """
-        left = left_half(state.blocks)
-        solved = solve_measured(left[: self._n], normal)
-        step = left @ solved[-1]
-        angles = state.q[SEVEN:] + step[FREE : self._n]
-        beyond = (angles < self._lowest) | (angles > self._highest)
-        held = beyond.nonzero()[0]
-        if not len(held):
-            return False, solved, step
-        angles = angles[held]
-        nearest = np.clip(angles, self._lowest[held], self._highest[held])
-        solved = _measured_besides(left[: self._n], solved, held + FREE, nearest - angles)
-        return True, solved, left @ solved[-1]
-
-
-_ONES: Final = np.ones(3)
-
-
-def _measured_besides(
-    covariance: Floats, solved: Floats, dofs: NDArray[np.int64], innovation: Floats
-) -> Floats:
-    """Return what `solve_measured` gives if some degrees of freedom are then measured with `LIMIT_SD`.
-
-    The correction by a second measurement E after a first: J^T S^-1 J grows by W E^T V^-1 E W^T with
-    W = I - J^T S^-1 J P, V the covariance of the second innovation.
-    """
-    inverse = solved[:-1]
-    rest = -(covariance[dofs] @ inverse)  # rows of W^T: both matrices are symmetric
-    rest[range(len(dofs)), dofs] += 1
-    spread = rest @ covariance[:, dofs]
-    spread[range(len(dofs)), range(len(dofs))] += LIMIT_SD**2
-    gain = np.linalg.solve(spread, np.column_stack([rest, innovation]))
-    besides = np.empty_like(solved)
-    np.matmul(rest.T, gain[:, :-1], out=besides[:-1])
-    np.matmul(gain[:, -1], rest, out=besides[-1])
-    besides += solved
-    return besides
+        return Update(State(*corrected), used, at_limit, solved[:-1], solved[-1])

@@ -5,10 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
-from graspdb_ingest.tracking.algebra import normal_equations
+from graspdb_ingest.hand.tree import (
+    Placed,
+    Points,
+    Tree,
+    integrate,
+    memory_of,
+    place,
+    write_jacobian,
+    write_points,
+)
+from graspdb_ingest.tracking.algebra import normal_equations, solve
 
 MAXIMUM_STEPS = 60
 FREE = 6  # degrees of freedom of the free joint, before the hinges
@@ -79,9 +90,19 @@ def refit_frame(
     kinematics: Kinematics, observed: Floats, prior: PosturePrior, marker_sd: Floats, start: Floats
 ) -> FrameFit:
     """Fit one frame as `fit_frame` does, from one start alone: a configuration near the answer."""
-    precision = np.linalg.inv(prior.covariance)
-    target = _Target(observed, visible(observed), marker_sd[:, None], prior.mean, precision)
-    return _descend(kinematics, target, start)
+    hand = kinematics.hand
+    seen = visible(observed)
+    q, cost, residuals = _descend(
+        kinematics.tree,
+        kinematics.marker_points,
+        hand.joint_range,
+        np.ascontiguousarray(observed, dtype=float),
+        np.where(seen, 1 / marker_sd, 0.0),
+        np.asarray(prior.mean, dtype=float),
+        np.linalg.inv(prior.covariance),
+        start,
+    )
+    return FrameFit(q=q, cost=cost, residuals=residuals)
 
 
 def visible(observed: Floats) -> Bools:
@@ -109,30 +130,39 @@ def _rigid_starts(kinematics: Kinematics, observed: Floats, prior: PosturePrior)
     return tuple(starts)
 
 
-@dataclass(frozen=True)
-class _Target:
-    observed: Floats
-    seen: Bools
-    sd: Floats
-    mean: Floats
-    precision: Floats
-
-
-def _descend(kinematics: Kinematics, target: _Target, start: Floats) -> FrameFit:
-    hand, limits, seen = kinematics.hand, kinematics.hand.joint_range, target.seen
+@compiled
+def _descend(
+    tree: Tree,
+    markers: Points,
+    limits: Floats,
+    observed: Floats,
+    root_weight: Floats,
+    mean: Floats,
+    precision: Floats,
+    start: Floats,
+) -> tuple[Floats, float, Floats]:
+    """Return configuration, cost and residuals, shape (n_markers, 3), at the end of the descent."""
+    n, placed = len(start) - 1, memory_of(tree)
+    jacobian, system = np.empty((len(observed), 3, n)), np.empty((n, n + 1))
     q, damping = start, 1e-3
-    residuals, cost = _cost(kinematics, target, q)
-    root_weight = np.where(seen, 1 / target.sd[:, 0], 0.0)
+    residuals, cost = _cost(tree, markers, placed, observed, root_weight, mean, precision, q)
     for _ in range(MAXIMUM_STEPS):
-        kinematics.move(q)
-        equations = normal_equations(kinematics.marker_jacobian(), residuals, root_weight)
-        normal, gradient = equations[:-1], equations[-1]
-        normal[FREE:, FREE:] += target.precision
-        gradient[FREE:] -= target.precision @ (q[SEVEN:] - target.mean)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), gradient)
-        trial = hand.integrate(q, step)
-        trial[SEVEN:] = np.clip(trial[SEVEN:], limits[:, 0], limits[:, 1])
-        new_residuals, new_cost = _cost(kinematics, target, trial)
+        place(tree, q, placed)
+        write_jacobian(tree, markers, placed, observed - residuals, jacobian)
+        normal = normal_equations(jacobian, residuals, root_weight)
+        pull = np.dot(precision, q[SEVEN:] - mean)
+        for i in range(n):
+            for j in range(n):
+                system[i, j] = normal[i, j]
+                if i >= FREE and j >= FREE:
+                    system[i, j] += precision[i - FREE, j - FREE]
+            system[i, i] += damping * (system[i, i] + 1e-9)
+            system[i, n] = normal[n, i] - (pull[i - FREE] if i >= FREE else 0.0)
+        solve(system)
+        trial = integrate(q, system[:, n])
+        for hinge in range(len(limits)):
+            trial[SEVEN + hinge] = min(max(trial[SEVEN + hinge], limits[hinge, 0]), limits[hinge, 1])
+        new_residuals, new_cost = _cost(tree, markers, placed, observed, root_weight, mean, precision, trial)
         if new_cost < cost:
             gained = cost - new_cost
             q, residuals, cost, damping = trial, new_residuals, new_cost, damping / 5
@@ -142,12 +172,28 @@ def _descend(kinematics: Kinematics, target: _Target, start: Floats) -> FrameFit
             damping *= 10
             if damping > 1e8:
                 break
-    return FrameFit(q=q, cost=cost, residuals=residuals)
+    return q, cost, residuals
 
 
-def _cost(kinematics: Kinematics, target: _Target, q: Floats) -> tuple[Floats, float]:
-    kinematics.move(q)
-    residuals = target.observed - kinematics.markers
-    angles = q[SEVEN:] - target.mean
-    squared = np.sum((residuals / target.sd)[target.seen] ** 2) + angles @ target.precision @ angles
-    return residuals, float(squared) / 2
+@compiled
+def _cost(
+    tree: Tree,
+    markers: Points,
+    placed: Placed,
+    observed: Floats,
+    root_weight: Floats,
+    mean: Floats,
+    precision: Floats,
+    q: Floats,
+) -> tuple[Floats, float]:
+    """Return the residuals of a configuration, shape (n_markers, 3), and its cost."""
+    positions = np.empty((len(observed), 3))
+    place(tree, q, placed)
+    write_points(markers, placed, positions)
+    residuals, angles = observed - positions, q[SEVEN:] - mean
+    squared = np.dot(angles, np.dot(precision, angles))
+    for i in range(len(residuals)):
+        if root_weight[i] > 0:
+            for axis in range(3):
+                squared += (root_weight[i] * residuals[i, axis]) ** 2
+    return residuals, squared / 2

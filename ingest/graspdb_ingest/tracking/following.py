@@ -1,20 +1,23 @@
-"""The forward pass over a recording: start, loss and re-acquisition of the hand, frame by frame."""
+"""The forward pass over a recording: start, loss and re-acquisition of the hand."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
+from graspdb_ingest.hand.tree import Placed
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.filter import HandFilter, JointReadings, State, Update
+from graspdb_ingest.tracking.correction import NO_READINGS, JointReadings, Setting, correct, predict
+from graspdb_ingest.tracking.filter import HandFilter, State, Update
 from graspdb_ingest.tracking.fit import fit_frame, visible
-from graspdb_ingest.tracking.glove import GloveMeasurement
 from graspdb_ingest.tracking.motion import MotionModel, MotionNoise
-from graspdb_ingest.tracking.smoother import ForwardPass
+from graspdb_ingest.tracking.smoother import ForwardPass, Record
 
 LOST_AFTER: Final = 10
 """Frames in a row with most of the seen markers rejected after which the hand counts as lost."""
@@ -24,13 +27,24 @@ START_OUTLIER: Final = 0.02
 """A marker this far from the hand that fits a frame by itself is no part of it [m]."""
 
 
+class _Known(NamedTuple):
+    """What is known of the hand after a frame; memory that `_advance` writes to.
+
+    `counts` are the frames in a row, up to this one, with most of the seen markers rejected, and without any.
+    """
+
+    q: Floats
+    velocity: Floats
+    blocks: Floats
+    counts: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class Followed:
-    """A frame of the forward pass: what the filter made of it, None while the hand is not known."""
+    """What is known of the hand after a frame, and the markers that told it."""
 
-    predicted: State | None
-    update: Update | None
-    started: bool = False
+    state: State
+    used: Bools
 
 
 class Follower:
@@ -46,6 +60,7 @@ class Follower:
         forgotten_after: int,
         gated: bool = True,
     ) -> None:
+        n, n_markers = kinematics.hand.n_dof, len(marker_sd)
         self._kinematics = kinematics
         self._filter = filter_
         self._prior = prior
@@ -53,43 +68,28 @@ class Follower:
         self._minimum = parameters.minimum_start_markers
         self._forgotten_after = forgotten_after
         self._gated = gated
-        self._state: State | None = None
-        self._doubtful = 0
-        self._unseen = 0
+        self._usual = np.ones((1, n))
+        self._known = _Known(np.zeros(n + 1), np.zeros(n), np.zeros((4, n, n)), np.zeros(2, dtype=np.int64))
+        self._one = ForwardPass(1, n, n_markers)
+        self._following = False
 
-    def step(
-        self,
-        observed: Floats,
-        readings: JointReadings | None = None,
-        activity: Floats | None = None,
-    ) -> Followed:
-        """Take one frame.
+    def step(self, observed: Floats) -> Followed | None:
+        """Take one frame, shape (n_markers, 3) [m], NaN where not seen; None while the hand is not known."""
+        markers, self._one.length = np.ascontiguousarray(observed[None], dtype=float), 0
+        if self._following:
+            self._following = self.advance(markers, 0, NO_READINGS, self._usual, self._one) == 1
+        if not self._following:
+            self._following = self.start(markers[0], NO_READINGS, 0, self._one)
+        if not self._following:
+            return None
+        q, velocity, blocks, _ = self._known
+        return Followed(State(q.copy(), velocity.copy(), blocks.copy()), self._one.record.used[0].copy())
 
-        Parameters
-        ----------
-        observed : ndarray, shape (n_markers, 3)
-            Marker positions [m], NaN where not seen.
-        readings : JointReadings, optional
-            Joint angles that were measured besides.
-        activity : ndarray, shape (n_dof,), optional
-            Factors on the standard deviation of the process noise.
+    def start(self, observed: Floats, readings: JointReadings, frame: int, forward: ForwardPass) -> bool:
+        """Start from one frame, without the markers that fit no hand together with the others.
+
+        Return whether the hand was found; then `forward` has one frame more.
         """
-        seen = visible(observed)
-        n_seen = np.count_nonzero(seen)
-        self._unseen = 0 if n_seen else self._unseen + 1
-        if self._doubtful > LOST_AFTER or self._unseen > self._forgotten_after:
-            self._state = None
-        if self._state is None:
-            return self._start(observed, readings)
-        predicted = self._filter.predict(self._state, activity)
-        update = self._filter.update(predicted, observed, self._gated, readings, seen)
-        rejected = n_seen - np.count_nonzero(update.used)
-        self._doubtful = self._doubtful + 1 if 2 * rejected > n_seen else 0
-        self._state = update.state
-        return Followed(predicted, update)
-
-    def _start(self, observed: Floats, readings: JointReadings | None) -> Followed:
-        """Start from one frame, without the markers that fit no hand together with the others."""
         trusted = observed.copy()
         while visible(trusted).sum() >= self._minimum:
             fit = fit_frame(self._kinematics, trusted, self._prior, self._marker_sd)
@@ -98,10 +98,88 @@ class Follower:
                 trusted[int(np.argmax(distances))] = np.nan
                 continue
             predicted = self._filter.start(fit.q)
-            update = self._filter.update(predicted, trusted, gated=False, readings=readings)
-            self._doubtful, self._state = 0, update.state
-            return Followed(predicted, update, started=True)
-        return Followed(None, None)
+            update = self._filter.update(predicted, trusted, False, readings, frame)
+            forward.append(predicted, update)
+            self._know(update)
+            return True
+        return False
+
+    def advance(
+        self, markers: Floats, first: int, readings: JointReadings, activity: Floats, forward: ForwardPass
+    ) -> int:
+        """Follow the hand from a frame on; return the first frame in which it is lost, or their number.
+
+        Parameters
+        ----------
+        markers : ndarray, shape (n_frames, n_markers, 3)
+            Marker positions [m], NaN where not seen.
+        first : int
+            The frame.
+        readings : JointReadings
+            Joint angles that were measured besides.
+        activity : ndarray, shape (n_frames, n_dof)
+            Factors on the standard deviation of the process noise.
+        forward : ForwardPass
+            Takes the frames.
+        """
+        stop = _advance(
+            self._filter.setting,
+            self._filter.placed,
+            self._known,
+            forward.record,
+            forward.length,
+            markers,
+            first,
+            readings,
+            activity,
+            self._gated,
+            self._forgotten_after,
+        )
+        forward.length += stop - first
+        return stop
+
+    def _know(self, update: Update) -> None:
+        known, state = self._known, update.state
+        known.q[:], known.velocity[:], known.blocks[:] = state.q, state.velocity, state.blocks
+        known.counts[:] = 0
+
+
+@compiled
+def _advance(
+    setting: Setting,
+    placed: Placed,
+    known: _Known,
+    record: Record,
+    row: int,
+    markers: Floats,
+    first: int,
+    readings: JointReadings,
+    activity: Floats,
+    gated: bool,
+    forgotten_after: int,
+) -> int:
+    """Predict and correct frame by frame; see `Follower.advance`."""
+    n, doubtful, unseen = len(known.velocity), known.counts[0], known.counts[1]
+    q, velocity, blocks = known.q.copy(), known.velocity.copy(), known.blocks.copy()
+    for i in range(first, len(markers)):
+        observed, n_seen = markers[i], 0
+        for marker in range(len(observed)):
+            n_seen += np.isfinite(observed[marker, 0] + observed[marker, 1] + observed[marker, 2])
+        unseen = 0 if n_seen else unseen + 1
+        if doubtful > LOST_AFTER or unseen > forgotten_after:
+            return i
+        q, velocity, blocks = predict(setting, q, velocity, blocks, activity[i])
+        record.columns[row, :n], record.columns[row, n:], record.q[row] = blocks[2], blocks[3], q
+        q, velocity, blocks, used, at_limit, solved = correct(
+            setting, placed, q, velocity, blocks, observed, readings, i, gated
+        )
+        record.inverse[row], record.weighted[row] = solved[:n], solved[n]
+        record.used[row], record.at_limit[row] = used, at_limit
+        row += 1
+        doubtful = doubtful + 1 if 2 * (n_seen - np.count_nonzero(used)) > n_seen else 0
+    known.q[:], known.velocity[:], known.blocks[:] = q, velocity, blocks
+    known.counts[0], known.counts[1] = doubtful, unseen
+    return len(markers)
 
 
 def make_follower(
@@ -135,32 +213,23 @@ class Stretch:
     ----------
     first : int
         Its first frame in the recording.
-    q : ndarray, shape (n, n_q)
-        Predicted configurations.
-    used : ndarray of bool, shape (n, n_markers)
-        Markers that were seen and passed the gate.
-    at_limit : ndarray of bool, shape (n,)
-        Where a joint was held at its limit.
     forward : ForwardPass
-        What the backward pass needs, until the next stretch is asked for.
+        What became of them, until the next stretch is asked for.
     """
 
     first: int
-    q: Floats
-    used: Bools
-    at_limit: Bools
     forward: ForwardPass
 
     @property
     def rows(self) -> slice:
         """Its frames in the recording."""
-        return slice(self.first, self.first + len(self.q))
+        return slice(self.first, self.first + self.forward.length)
 
 
 def follow(
     follower: Follower,
     markers: Floats,
-    glove: GloveMeasurement | None,
+    readings: JointReadings | None,
     forward: ForwardPass,
     activity: Floats | None = None,
 ) -> Iterator[Stretch]:
@@ -172,27 +241,21 @@ def follow(
         A follower that has seen nothing yet.
     markers : ndarray, shape (n_frames, n_markers, 3)
         Marker positions [m], NaN where not seen.
-    glove : GloveMeasurement or None
-        Joint angles of a data glove.
+    readings : JointReadings or None
+        Joint angles of a data glove, in every frame.
     forward : ForwardPass
         Memory for a stretch as long as the recording.
     activity : ndarray, shape (n_frames, n_dof), optional
         Factors on the standard deviation of the process noise.
     """
-    qs: list[Floats] = []
-    used: list[Bools] = []
-    limits: list[bool] = []
-    for i in range(len(markers) + 1):
-        followed = Followed(None, None)
-        if i < len(markers):
-            readings = None if glove is None else glove.frame(i)
-            followed = follower.step(markers[i], readings, None if activity is None else activity[i])
-        if qs and (followed.started or followed.update is None):
-            yield Stretch(i - len(qs), np.array(qs), np.array(used), np.array(limits), forward)
-            forward.clear()
-            qs, used, limits = [], [], []
-        if followed.predicted is not None and followed.update is not None:
-            forward.append(followed.predicted, followed.update)
-            qs.append(followed.predicted.q)
-            used.append(followed.update.used)
-            limits.append(followed.update.at_limit)
+    markers, frame = np.ascontiguousarray(markers, dtype=float), 0
+    readings = NO_READINGS if readings is None else readings
+    factors = np.ones((len(markers), forward.record.weighted.shape[1])) if activity is None else activity
+    while frame < len(markers):
+        forward.length = 0
+        if not follower.start(markers[frame], readings, frame, forward):
+            frame += 1
+            continue
+        stop = follower.advance(markers, frame + 1, readings, factors, forward)
+        yield Stretch(frame, forward)
+        frame = stop

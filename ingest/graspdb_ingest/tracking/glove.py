@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from graspdb_ingest.glove_angles import GloveAngles
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.parameters import GloveParameters
-from graspdb_ingest.tracking.filter import JointReadings
+from graspdb_ingest.tracking.correction import JointReadings
 
 MINIMUM_FRAMES: Final = 20
 """Frames that must show a joint before its sensor's offset and noise are estimated."""
@@ -23,32 +22,6 @@ BETTER: Final = 0.95
 """A delay counts if it brings the squared differences below this share of those without one."""
 BEYOND_RANGE: Final = np.deg2rad(15)
 """A sensor may show a joint this far beyond its limits [rad]; further away it shows none."""
-
-
-@dataclass(frozen=True)
-class GloveMeasurement:
-    """Joint angles for the filter, offsets taken off.
-
-    Attributes
-    ----------
-    hinges : ndarray of int, shape (n_sensors,)
-        Places among the hand's hinges.
-    angles : ndarray, shape (n_frames, n_sensors)
-        Angles [rad], NaN where missing.
-    variance : ndarray, shape (n_sensors,)
-        Variance of each as independent samples of one frame each [rad2].
-    """
-
-    hinges: NDArray[np.int64]
-    angles: Floats
-    variance: Floats
-
-    def frame(self, frame: int) -> JointReadings | None:
-        """Return what was measured in a frame, None where nothing was."""
-        given = np.isfinite(self.angles[frame])
-        if not given.any():
-            return None
-        return JointReadings(self.hinges[given], self.angles[frame, given], self.variance[given])
 
 
 @dataclass(frozen=True)
@@ -63,7 +36,7 @@ class GloveFit:
         Each sensor's constant offset, its standard deviation, and that of a sample about it [rad].
     delay : float
         How much later the glove's clock shows a movement [s].
-    measurement : GloveMeasurement
+    measurement : JointReadings
         The angles for the filter.
     notes : tuple of str
         What was left out, and why.
@@ -74,7 +47,7 @@ class GloveFit:
     offset_sd: Floats
     sd: Floats
     delay: float
-    measurement: GloveMeasurement
+    measurement: JointReadings
     notes: tuple[str, ...]
 
 
@@ -128,7 +101,7 @@ def fit_glove(
         offset_sd=offset_sd[kept],
         sd=sd[kept],
         delay=delay,
-        measurement=GloveMeasurement(glove.hinges[kept], corrected[:, kept], variance[kept]),
+        measurement=JointReadings(glove.hinges[kept], corrected[:, kept], variance[kept]),
         notes=tuple(notes),
     )
 

@@ -89,7 +89,7 @@ class MotionModel:
     def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
         """Return A P A^T + D Q D, with D the factors on the noise's standard deviation, one a dof."""
         factors = self._usual if activity is None else activity
-        return algebra.predicted_covariance(covariance, self.transition, self._noise_blocks, factors)
+        return algebra.predicted_covariance(covariance, self.transition, self.noise_blocks, factors)
 
     def before(self, adjoint: Floats, matrix: Blocks) -> tuple[Floats, Blocks]:
         """Return adjoint vector A^T a, shape (2 * n_dof,), and matrix A^T X A before the step."""
@@ -104,14 +104,15 @@ class MotionModel:
         disturbance that led to it, w^T Q^-1 w, and the number of disturbances that the data tell.
         """
         factors = self._usual if activity is None else activity
-        return algebra.disturbance(adjoint, matrix, self._noise_blocks, factors)
+        return algebra.disturbance(adjoint, matrix, self.noise_blocks, factors)
 
     @cached_property
     def _by_offset(self) -> Floats:
         return self.transition[::2] - [[1.0], [0.0]]
 
     @cached_property
-    def _noise_blocks(self) -> Blocks:
+    def noise_blocks(self) -> Blocks:
+        """Covariance of w as `to_blocks` lays it out, shape (4, n_dof, n_dof)."""
         return to_blocks(self.noise)
 
     @cached_property

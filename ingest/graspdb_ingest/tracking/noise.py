@@ -197,7 +197,7 @@ def _likelihood(
     """Return the log likelihood of a window and its derivatives by the logarithms of the scales."""
     hand = kinematics.hand
     passed = _forward(kinematics, window, prior, noise, motion, gate=1.0)
-    forward = ForwardPass(len(passed), hand.n_dof)
+    forward = ForwardPass(len(passed), hand.n_dof, len(hand.markers))
     value = 0.0
     for observed, (predicted, update) in zip(window.markers, passed, strict=True):
         forward.append(predicted, update)

@@ -8,12 +8,18 @@ tangent space of the filter's configuration, where the filter's errors are.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from graspdb_ingest.hand.model import Floats
-from graspdb_ingest.tracking.algebra import before_measurement, smoothed_covariance
+from graspdb_ingest.compiled import compiled
+from graspdb_ingest.hand.model import Bools, Floats
+from graspdb_ingest.tracking.algebra import (
+    before_measurement,
+    before_step,
+    disturbance,
+    smoothed_covariance,
+)
 from graspdb_ingest.tracking.filter import State, Update
 from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half
 
@@ -34,7 +40,7 @@ class Smoothed:
     step : ndarray, shape (n, n_dof)
         What to add to the filter's predicted configurations, in the degrees of freedom.
     covariance : ndarray, shape (n, n_dof, n_dof)
-        Covariance of the positions.
+        Covariance of the positions; of no frame where it was not wanted.
     disturbances : Disturbances
         What disturbed the movement to these frames.
     """
@@ -61,6 +67,31 @@ class Disturbances:
     determined: Floats
 
 
+class Record(NamedTuple):
+    """What the frames of a forward pass leave behind, a row a frame; memory that compiled code writes to.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n_frames, 2 * n_dof, n_dof)
+        Columns of each prediction's covariance that belong to positions.
+    inverse, weighted : ndarray, shape (n_frames, n_dof, n_dof), (n_frames, n_dof)
+        J^T S^-1 J and J^T S^-1 y of each correction.
+    q : ndarray, shape (n_frames, n_q)
+        Predicted configurations.
+    used : ndarray of bool, shape (n_frames, n_markers)
+        Markers that were seen and passed the gate.
+    at_limit : ndarray of bool, shape (n_frames,)
+        Where a joint was held at its limit.
+    """
+
+    columns: Floats
+    inverse: Floats
+    weighted: Floats
+    q: Floats
+    used: Bools
+    at_limit: Bools
+
+
 class ForwardPass:
     """What the backward pass needs of each frame of the forward pass.
 
@@ -69,30 +100,37 @@ class ForwardPass:
     n_frames : int
         Frames at the most.
     n_dof : int
-        Degrees of freedom.
+        Degrees of freedom: six of a free joint, and hinges.
+    n_markers : int
+        Markers.
+
+    Attributes
+    ----------
+    record : Record
+        The frames, of which the first ``length`` count.
+    length : int
+        Number of frames.
     """
 
-    def __init__(self, n_frames: int, n_dof: int) -> None:
+    def __init__(self, n_frames: int, n_dof: int, n_markers: int) -> None:
         kind = np.float64 if n_frames <= DOUBLE_FRAMES else np.float32
-        self._columns = np.empty((n_frames, 2 * n_dof, n_dof), dtype=kind)
-        self._inverse = np.empty((n_frames, n_dof, n_dof), dtype=kind)
-        self._weighted = np.empty((n_frames, n_dof))
-        self._length = 0
-
-    def __len__(self) -> int:
-        return self._length
+        self.record = Record(
+            columns=np.empty((n_frames, 2 * n_dof, n_dof), dtype=kind),
+            inverse=np.empty((n_frames, n_dof, n_dof), dtype=kind),
+            weighted=np.empty((n_frames, n_dof)),
+            q=np.empty((n_frames, n_dof + 1)),
+            used=np.empty((n_frames, n_markers), dtype=bool),
+            at_limit=np.empty(n_frames, dtype=bool),
+        )
+        self.length = 0
 
     def append(self, predicted: State, update: Update) -> None:
         """Take the next frame."""
-        i = self._length
-        self._columns[i] = left_half(predicted.blocks)
-        self._inverse[i] = update.inverse
-        self._weighted[i] = update.weighted
-        self._length += 1
-
-    def clear(self) -> None:
-        """Forget all frames."""
-        self._length = 0
+        i, record = self.length, self.record
+        record.columns[i] = left_half(predicted.blocks)
+        record.inverse[i], record.weighted[i] = update.inverse, update.weighted
+        record.q[i], record.used[i], record.at_limit[i] = predicted.q, update.used, update.at_limit
+        self.length += 1
 
     def backward(self, motion: MotionModel) -> Iterator[tuple[int, Floats, Blocks]]:
         """Yield frame, adjoint vector and adjoint matrix, from the last frame to the first.
@@ -106,17 +144,15 @@ class ForwardPass:
         motion : MotionModel
             The step between frames that the forward pass predicted with.
         """
-        n = self._weighted.shape[1]
-        adjoint: Floats = np.zeros(2 * n)
-        matrix: Blocks = np.zeros((4, n, n))
-        for i in reversed(range(self._length)):
-            if i < self._length - 1:
-                adjoint, matrix = motion.before(adjoint, matrix)
-            inverse = np.asarray(self._inverse[i], dtype=float)
-            adjoint, matrix = before_measurement(adjoint, matrix, self._left(i), inverse, self._weighted[i])
+        adjoint, matrix = _nothing_after(self.record)
+        for i in reversed(range(self.length)):
+            last = i == self.length - 1
+            adjoint, matrix = _earlier(self.record, i, last, adjoint, matrix, motion.transition)
             yield i, adjoint, matrix
 
-    def smooth(self, motion: MotionModel, activity: Floats | None = None) -> Iterator[Smoothed]:
+    def smooth(
+        self, motion: MotionModel, activity: Floats | None = None, covariance: bool = True
+    ) -> Iterator[Smoothed]:
         """Yield the smoothed frames, block by block, the last block first.
 
         Parameters
@@ -125,24 +161,72 @@ class ForwardPass:
             The step between frames that the forward pass predicted with.
         activity : ndarray, shape (n, n_dof), optional
             Factors on the standard deviation of the process noise that it had.
+        covariance : bool
+            Whether covariances are wanted; they are a third of the work.
         """
-        n, stop = self._weighted.shape[1], self._length
-        steps, covariances = np.empty((BLOCK, n)), np.empty((BLOCK, n, n))
-        squared, determined = np.empty((2, BLOCK, n))
-        for i, adjoint, matrix in self.backward(motion):
-            place, columns = i % BLOCK, self._left(i)
-            steps[place] = -(adjoint @ columns)
-            covariances[place] = smoothed_covariance(matrix, columns)
-            factors = None if activity is None else activity[i]
-            squared[place], determined[place] = motion.disturbance(adjoint, matrix, factors)
-            if i == 0:  # nothing led to the first frame
-                squared[0] = determined[0] = 0.0
-            if place == 0:
-                length = stop - i
-                found = Disturbances(squared[:length].copy(), determined[:length].copy())
-                yield Smoothed(slice(i, stop), steps[:length].copy(), covariances[:length].copy(), found)
-                stop = i
+        adjoint, matrix = _nothing_after(self.record)
+        factors = np.ones((self.length, matrix.shape[1])) if activity is None else activity
+        stop = self.length
+        while stop > 0:
+            first = (stop - 1) // BLOCK * BLOCK
+            last = stop == self.length
+            adjoint, matrix, *found = _smooth_block(
+                self.record,
+                first,
+                stop,
+                last,
+                adjoint,
+                matrix,
+                motion.transition,
+                motion.noise_blocks,
+                factors,
+                covariance,
+            )
+            steps, covariances, squared, determined = found
+            yield Smoothed(slice(first, stop), steps, covariances, Disturbances(squared, determined))
+            stop = first
 
-    def _left(self, frame: int) -> Floats:
-        """Return the columns of a prediction's covariance that belong to positions, (2 * n_dof, n_dof)."""
-        return np.asarray(self._columns[frame], dtype=float)
+
+def _nothing_after(record: Record) -> tuple[Floats, Blocks]:
+    """Return adjoint vector and matrix after the last frame."""
+    n = record.weighted.shape[1]
+    return np.zeros(2 * n), np.zeros((4, n, n))
+
+
+@compiled
+def _earlier(
+    record: Record, i: int, last: bool, adjoint: Floats, matrix: Blocks, transition: Floats
+) -> tuple[Floats, Blocks]:
+    """Return adjoint vector and matrix of a frame's prediction from those of the next one's."""
+    if not last:
+        adjoint, matrix = before_step(adjoint, matrix, transition)
+    columns, inverse = record.columns[i].astype(np.float64), record.inverse[i].astype(np.float64)
+    return before_measurement(adjoint, matrix, columns, inverse, record.weighted[i])
+
+
+@compiled
+def _smooth_block(
+    record: Record,
+    first: int,
+    stop: int,
+    last: bool,
+    adjoint: Floats,
+    matrix: Blocks,
+    transition: Floats,
+    noise: Blocks,
+    activity: Floats,
+    covariance: bool,
+) -> tuple[Floats, Blocks, Floats, Floats, Floats, Floats]:
+    """Return adjoint vector and matrix of the block's first frame, and what `Smoothed` holds of it."""
+    n, length = len(matrix[0]), stop - first
+    steps, covariances = np.empty((length, n)), np.empty((length if covariance else 0, n, n))
+    squared, determined = np.zeros((length, n)), np.zeros((length, n))
+    for i in range(stop - 1, first - 1, -1):
+        adjoint, matrix = _earlier(record, i, last and i == stop - 1, adjoint, matrix, transition)
+        columns = record.columns[i].astype(np.float64)
+        steps[i - first] = -np.dot(adjoint, columns)
+        if covariance:
+            covariances[i - first] = smoothed_covariance(matrix, columns)
+        if i:  # nothing led to the first frame
+            squared[i - first], determined[i - first] = disturbance(adjoint, matrix, noise, activity[i])
+    return adjoint, matrix, steps, covariances, squared, determined

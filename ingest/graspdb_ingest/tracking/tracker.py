@@ -11,6 +11,7 @@ from graspdb_ingest.hand.model import Bools, Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.activity import next_activity, noise_ratio, parts_of
+from graspdb_ingest.tracking.correction import JointReadings
 from graspdb_ingest.tracking.faults import (
     Fault,
     find_breaks,
@@ -20,11 +21,11 @@ from graspdb_ingest.tracking.faults import (
     judge,
     without,
 )
-from graspdb_ingest.tracking.fit import SEVEN, visible
+from graspdb_ingest.tracking.fit import visible
 from graspdb_ingest.tracking.following import Stretch, follow, make_follower
-from graspdb_ingest.tracking.glove import GloveMeasurement
 from graspdb_ingest.tracking.motion import MotionNoise, motion_model
-from graspdb_ingest.tracking.smoother import Disturbances, ForwardPass, Smoothed
+from graspdb_ingest.tracking.placing import moved_within_limits, point_positions, point_spreads
+from graspdb_ingest.tracking.smoother import Disturbances, ForwardPass, Record, Smoothed
 from graspdb_schemas.errors import TrackingError
 from graspdb_schemas.vocabulary import N_SITES
 
@@ -85,7 +86,7 @@ def track_hand(
     rate: float,
     prior: PosturePrior,
     parameters: TrackingParameters,
-    glove: GloveMeasurement | None = None,
+    glove: JointReadings | None = None,
     noise: MotionNoise | None = None,
     marker_sd: Floats | None = None,
 ) -> HandTrack:
@@ -106,7 +107,7 @@ def track_hand(
         Where joints usually are.
     parameters : TrackingParameters
         Gate and thresholds.
-    glove : GloveMeasurement, optional
+    glove : JointReadings, optional
         Joint angles of a data glove, in every frame.
     noise : MotionNoise, optional
         Scales of movement and marker noise; those that the parameters assume where left out.
@@ -147,7 +148,7 @@ def track_hand(
     ratio = noise_ratio(left, disturbances, rate)
     activity = next_activity(disturbances, parts, rate, usual, ratio)
     activity = next_activity(later.disturbances(repaired, activity), parts, rate, activity, ratio)
-    return replace(later.track(relabelled, repaired, activity)[0], faults=first.faults)
+    return replace(later.track(relabelled, repaired, activity, spreads=True)[0], faults=first.faults)
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ class _Passes:
         rate: float,
         prior: PosturePrior,
         parameters: TrackingParameters,
-        glove: GloveMeasurement | None,
+        glove: JointReadings | None,
         noise: MotionNoise,
         marker_sd: Floats,
         n_frames: int,
@@ -225,7 +226,7 @@ class _Passes:
         self._noise, self._marker_sd = noise, marker_sd
         self._kinematics = Kinematics(hand)
         self._motion = motion_model(hand, prior, noise, 1 / rate)
-        self._forward = ForwardPass(n_frames, hand.n_dof)
+        self._forward = ForwardPass(n_frames, hand.n_dof, len(hand.markers))
         self._gated = True
 
     def without_gate(self) -> "_Passes":
@@ -234,16 +235,19 @@ class _Passes:
         other._gated = False
         return other
 
-    def track(self, relabelled: Floats, repaired: Floats, activity: Floats) -> tuple[HandTrack, Disturbances]:
+    def track(
+        self, relabelled: Floats, repaired: Floats, activity: Floats, spreads: bool = False
+    ) -> tuple[HandTrack, Disturbances]:
         """Return the smoothed track of the repaired markers, and what disturbed it.
 
         Residuals are those of all markers; `activity` are factors on the standard deviation of the process
-        noise, shape (n_frames, n_dof).
+        noise, shape (n_frames, n_dof). Sites and standard deviations are left out but for `spreads`.
         """
         track, disturbances = _empty_track(self._hand, relabelled), _no_disturbances(activity.shape)
-        for stretch, part, rows in self._smoothed(repaired, activity):
-            track.used[stretch.rows], track.at_limit[stretch.rows] = stretch.used, stretch.at_limit
-            self._write(track, stretch, part)
+        for stretch, part, rows in self._smoothed(repaired, activity, spreads):
+            self._write(track, stretch.forward.record, part, rows)
+            if spreads:
+                self._write_spreads(track, part, rows)
             _note(disturbances, part, rows)
         track.residuals[:] += relabelled
         return track, disturbances
@@ -251,11 +255,13 @@ class _Passes:
     def disturbances(self, markers: Floats, activity: Floats) -> Disturbances:
         """Return what disturbed the movement, zero where the hand is not known."""
         disturbances = _no_disturbances(activity.shape)
-        for _, part, rows in self._smoothed(markers, activity):
+        for _, part, rows in self._smoothed(markers, activity, covariance=False):
             _note(disturbances, part, rows)
         return disturbances
 
-    def _smoothed(self, markers: Floats, activity: Floats) -> Iterator[tuple[Stretch, Smoothed, slice]]:
+    def _smoothed(
+        self, markers: Floats, activity: Floats, covariance: bool
+    ) -> Iterator[tuple[Stretch, Smoothed, slice]]:
         """Yield smoothed blocks with the stretch that each is part of and its frames in the recording."""
         follower = make_follower(
             self._kinematics,
@@ -267,30 +273,25 @@ class _Passes:
             self._marker_sd,
             self._gated,
         )
-        self._forward.clear()
         for stretch in follow(follower, markers, self._glove, self._forward, activity):
-            for part in stretch.forward.smooth(self._motion, activity[stretch.rows]):
+            for part in stretch.forward.smooth(self._motion, activity[stretch.rows], covariance):
                 first, last = stretch.first + part.frames.start, stretch.first + part.frames.stop
                 yield stretch, part, slice(first, last)
 
-    def _write(self, track: HandTrack, stretch: Stretch, part: Smoothed) -> None:
-        """Write a block of smoothed frames into the track, with the sites' standard deviations."""
-        hand, limits, kinematics = self._hand, self._hand.joint_range, self._kinematics
-        jacobians = np.empty((len(part.step), 3 * N_SITES, hand.n_dof))
-        for i, step in enumerate(part.step):
-            place = part.frames.start + i
-            frame = stretch.first + place
-            q = hand.integrate(stretch.q[place], step)
-            q[SEVEN:] = np.clip(q[SEVEN:], limits[:, 0], limits[:, 1])
-            track.q[frame] = q
-            kinematics.move(q)
-            track.sites[frame] = kinematics.sites
-            track.residuals[frame] = -kinematics.markers
-            jacobians[i] = kinematics.site_jacobian().reshape(jacobians[i].shape)
-        variance = np.sum((jacobians @ part.covariance) * jacobians, axis=2)
-        rows = slice(stretch.first + part.frames.start, stretch.first + part.frames.stop)
+    def _write(self, track: HandTrack, record: Record, part: Smoothed, rows: slice) -> None:
+        """Write a block of smoothed frames into the track, as residuals minus where the markers are."""
+        workspace = self._kinematics
+        q = moved_within_limits(record.q[part.frames], part.step, self._hand.joint_range)
+        track.q[rows] = q
+        track.used[rows], track.at_limit[rows] = record.used[part.frames], record.at_limit[part.frames]
+        track.residuals[rows] = -point_positions(workspace.tree, workspace.marker_points, q)
+
+    def _write_spreads(self, track: HandTrack, part: Smoothed, rows: slice) -> None:
+        """Write the sites of a block of frames, and all standard deviations."""
+        tree, sites, q = self._kinematics.tree, self._kinematics.site_points, track.q[rows]
+        track.sites[rows] = point_positions(tree, sites, q)
+        track.sites_sd[rows] = point_spreads(tree, sites, q, part.covariance)
         track.q_sd[rows] = np.sqrt(np.diagonal(part.covariance, axis1=1, axis2=2))
-        track.sites_sd[rows] = np.sqrt(variance.reshape(-1, N_SITES, 3).sum(axis=2))
 
 
 def _no_disturbances(shape: tuple[int, ...]) -> Disturbances:
