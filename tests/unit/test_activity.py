@@ -10,6 +10,7 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.tracking.activity import WINDOW, next_activity, noise_ratio, parts_of
+from graspdb_ingest.tracking.algebra import disturbance, predicted_mean
 from graspdb_ingest.tracking.following import follow, make_follower
 from graspdb_ingest.tracking.motion import MotionModel, MotionNoise, from_blocks, motion_model
 from graspdb_ingest.tracking.smoother import Disturbances, ForwardPass
@@ -40,7 +41,7 @@ def markers(hand, motion):
     root = vectors * np.sqrt(np.maximum(values, 0))
     for frame in range(N_FRAMES):
         offset = np.concatenate([np.zeros(6), q[7:] - prior.mean])
-        change, velocity = motion.predict_mean(offset, velocity)
+        change, velocity = predicted_mean(offset, velocity, motion.transition)
         w = (root @ rng.normal(size=len(root))) * (1.0 if WILD.start <= frame < WILD.stop else 0.2)
         q = hand.integrate(q, change + w[: hand.n_dof])
         velocity = velocity + w[hand.n_dof :]
@@ -109,7 +110,7 @@ def test_parts_share_out_what_the_whole_has(motion):
     whole = root @ root.T
     blocks = np.array([whole[:29, 29:], whole[29:, 29:], whole[:29, :29], whole[29:, :29]])
     factors = rng.uniform(0.5, 2, 29)
-    squared, determined = motion.disturbance(adjoint, blocks, factors)
+    squared, determined = disturbance(adjoint, blocks, motion.noise_blocks, factors)
     scale = np.tile(factors, 2)
     noise = motion.noise * np.outer(scale, scale)
     assert squared.sum() == pytest.approx(adjoint @ noise @ adjoint)

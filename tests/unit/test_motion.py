@@ -5,6 +5,7 @@ import pytest
 
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.algebra import predicted_covariance, predicted_mean
 from graspdb_ingest.tracking.motion import MotionNoise, from_blocks, motion_model, to_blocks
 from graspdb_schemas.vocabulary import JOINT_ANGLES, N_DOF, Side
 
@@ -34,6 +35,11 @@ def dense(model):
     )
 
 
+def after_step(model, covariance):
+    blocks = to_blocks(covariance)
+    return from_blocks(predicted_covariance(blocks, model.transition, model.noise_blocks, np.ones(N_DOF)))
+
+
 def random_covariance(rng):
     root = rng.normal(size=(2 * N_DOF, 2 * N_DOF))
     return root @ root.T / (2 * N_DOF)
@@ -52,7 +58,7 @@ def test_predicted_covariance_is_the_dense_product(model_of):
     covariance = random_covariance(rng)
     a = dense(model)
     assert np.allclose(
-        from_blocks(model.predict_covariance(to_blocks(covariance))),
+        after_step(model, covariance),
         a @ covariance @ a.T + model.noise,
         atol=1e-12,
     )
@@ -62,7 +68,7 @@ def test_predicted_mean_is_the_dense_product(model_of):
     model, rng = model_of(1 / 120), np.random.default_rng(2)
     offset, velocity = rng.normal(size=(2, N_DOF))
     after = dense(model) @ np.concatenate([offset, velocity])
-    change, new_velocity = model.predict_mean(offset, velocity)
+    change, new_velocity = predicted_mean(offset, velocity, model.transition)
     assert np.allclose(change, after[:N_DOF] - offset, atol=1e-12)
     assert np.allclose(new_velocity, after[N_DOF:], atol=1e-12)
 
@@ -90,8 +96,8 @@ def test_joints_left_alone_return_to_the_prior_and_its_spread(model_of, prior):
     covariance = np.zeros((2 * N_DOF, 2 * N_DOF))
     offset, velocity = np.full(N_DOF, 0.5), np.full(N_DOF, 2.0)
     for _ in range(5 * 120):
-        covariance = from_blocks(model.predict_covariance(to_blocks(covariance)))
-        change, velocity = model.predict_mean(offset, velocity)
+        covariance = after_step(model, covariance)
+        change, velocity = predicted_mean(offset, velocity, model.transition)
         offset = offset + change
     joints = covariance[FREE:N_DOF, FREE:N_DOF]
     spread = np.sqrt(np.diagonal(prior.covariance))
@@ -102,13 +108,13 @@ def test_joints_left_alone_return_to_the_prior_and_its_spread(model_of, prior):
 
 def test_stationary_covariance_of_the_joints_stays(model_of):
     model = model_of(1 / 50)
-    after = from_blocks(model.predict_covariance(to_blocks(model.stationary)))
+    after = after_step(model, model.stationary)
     assert np.allclose(after[np.ix_(JOINTS, JOINTS)], model.stationary[np.ix_(JOINTS, JOINTS)], atol=1e-10)
 
 
 def test_half_of_the_way_back_takes_the_time_scale_that_matern_says(model_of):
     time = TrackingParameters().posture_time
-    change, _ = model_of(time).predict_mean(np.ones(N_DOF), np.zeros(N_DOF))
+    change, _ = predicted_mean(np.ones(N_DOF), np.zeros(N_DOF), model_of(time).transition)
     assert np.allclose(1 + change[FREE:], 2 / np.e)  # correlation (1 + t / T) exp(-t / T) at t = T
 
 
@@ -117,12 +123,12 @@ def test_free_joint_keeps_its_velocity_and_forgets_at_the_given_rate(model_of):
     model = model_of(step)
     rng = np.random.default_rng(3)
     velocity = rng.normal(size=N_DOF)
-    change, after = model.predict_mean(rng.normal(size=N_DOF), velocity)
+    change, after = predicted_mean(rng.normal(size=N_DOF), velocity, model.transition)
     assert np.allclose(change[:FREE], step * velocity[:FREE])
     assert np.array_equal(after[:FREE], velocity[:FREE])
     covariance = np.zeros((2 * N_DOF, 2 * N_DOF))
     for _ in range(200):
-        covariance = from_blocks(model.predict_covariance(to_blocks(covariance)))
+        covariance = after_step(model, covariance)
     density = np.repeat([parameters.translation_acceleration**2, parameters.rotation_acceleration**2], 3)
     elapsed = 200 * step
     assert np.allclose(np.diagonal(covariance)[:FREE], density * elapsed**3 / 3)

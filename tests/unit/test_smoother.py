@@ -7,7 +7,7 @@ import pytest
 
 from graspdb_ingest.hand.posture import default_prior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.algebra import corrected, solve_measured
+from graspdb_ingest.tracking.algebra import before_step, corrected, predicted_covariance, solve_measured
 from graspdb_ingest.tracking.filter import State, Update
 from graspdb_ingest.tracking.motion import MotionNoise, from_blocks, motion_model, to_blocks
 from graspdb_ingest.tracking.smoother import ForwardPass
@@ -80,7 +80,12 @@ def ours(problem, motion):
     predictions = np.empty((N_FRAMES, N_DOF))
     for i, (rows, values) in enumerate(zip(problem.rows, problem.values, strict=True)):
         if i:
-            x, p = transition(motion) @ x, from_blocks(motion.predict_covariance(to_blocks(p)))
+            x, p = (
+                transition(motion) @ x,
+                from_blocks(
+                    predicted_covariance(to_blocks(p), motion.transition, motion.noise_blocks, np.ones(N_DOF))
+                ),
+            )
         blocks, predictions[i] = to_blocks(p), x[:N_DOF]
         information, score = rows.T @ rows / NOISE**2, rows.T @ (values - rows @ x[:N_DOF]) / NOISE**2
         solved = solve_measured(blocks[2], np.vstack([information, score]))
@@ -107,6 +112,6 @@ def test_adjoint_steps_are_the_transposed_transition(motion):
     a, vector = transition(motion), rng.normal(size=2 * N_DOF)
     root = rng.normal(size=(2 * N_DOF, 2 * N_DOF))
     matrix = root + root.T
-    earlier, carried = motion.before(vector, to_blocks(matrix))
+    earlier, carried = before_step(vector, to_blocks(matrix), motion.transition)
     assert np.allclose(earlier, a.T @ vector, atol=1e-12)
     assert np.allclose(from_blocks(carried), a.T @ matrix @ a, atol=1e-10)

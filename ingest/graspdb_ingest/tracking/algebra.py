@@ -13,6 +13,16 @@ from graspdb_ingest.hand.model import Floats
 
 
 @compiled
+def predicted_mean(offset: Floats, velocity: Floats, transition: Floats) -> tuple[Floats, Floats]:
+    """Return the change of position over a step, and the velocity after it, each (n,).
+
+    `offset` is the posture minus its mean; it plays no part for the free joint.
+    """
+    a, b, c, d = transition
+    return (a - 1.0) * offset + b * velocity, c * offset + d * velocity
+
+
+@compiled
 def predicted_covariance(blocks: Floats, transition: Floats, noise: Floats, factors: Floats) -> Floats:
     """Return F P F^T + D Q D, shape (4, n, n), with D the factors on the noise's standard deviation, (n,)."""
     predicted = _congruent(blocks, transition)
@@ -111,13 +121,13 @@ def solve_measured(covariance: Floats, normal: Floats) -> Floats:
 
 
 @compiled
-def solve(system: Floats) -> None:
-    """Solve M X = B in place: from [M, B], shape (n, n + k), columns n and on become X.
+def solve(system: Floats) -> float:
+    """Solve M X = B in place: from [M, B], shape (n, n + k), columns n and on become X; return log |det M|.
 
     Gaussian elimination with partial pivoting. For n about 30 it takes as long as LAPACK, whose call Numba
     compiles for half a minute.
     """
-    n = len(system)
+    n, logarithm = len(system), 0.0
     for column in range(n):
         pivot = column
         for row in range(column + 1, n):
@@ -128,6 +138,7 @@ def solve(system: Floats) -> None:
             other = system[pivot, column:]
             for j in range(len(source)):
                 source[j], other[j] = other[j], source[j]
+        logarithm += np.log(abs(source[0]))
         for row in range(column + 1, n):
             target = system[row, column:]
             factor = target[0] / source[0]
@@ -142,6 +153,13 @@ def solve(system: Floats) -> None:
         factor = 1.0 / system[row, row]
         for j in range(len(target)):
             target[j] *= factor
+    return logarithm
+
+
+@compiled
+def log_determinant(matrix: Floats) -> float:
+    """Return log |det M| of a matrix of shape (n, n)."""
+    return solve(matrix.copy())
 
 
 @compiled

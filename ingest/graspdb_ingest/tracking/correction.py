@@ -20,6 +20,7 @@ from graspdb_ingest.tracking.algebra import (
     corrected,
     normal_equations,
     predicted_covariance,
+    predicted_mean,
     solve,
     solve_measured,
 )
@@ -92,18 +93,21 @@ def predict(
     The free joint's own axes turn by the small angle of a step meanwhile; that second-order turn of its
     covariance is left out.
     """
-    n = len(velocity)
-    change, moved = np.empty(n), np.empty(n)
-    a, b, c, d = setting.transition
-    for i in range(n):
-        offset = q[i + 1] - setting.mean[i - 6] if i >= 6 else 0.0
-        change[i] = (a[i] - 1.0) * offset + b[i] * velocity[i]
-        moved[i] = c[i] * offset + d[i] * velocity[i]
+    change, moved = predicted_mean(offset_of(q, setting.mean), velocity, setting.transition)
     return (
         integrate(q, change),
         moved,
         predicted_covariance(blocks, setting.transition, setting.noise, factors),
     )
+
+
+@compiled
+def offset_of(q: Floats, mean: Floats) -> Floats:
+    """Return how far hinges are from their mean, zero for the free joint, shape (n_dof,)."""
+    offset = np.zeros(len(q) - 1)
+    for hinge in range(len(mean)):
+        offset[6 + hinge] = q[7 + hinge] - mean[hinge]
+    return offset
 
 
 @compiled

@@ -14,7 +14,6 @@ import numpy as np
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking import algebra
 from graspdb_ingest.tracking.fit import FREE
 
 Blocks = Floats
@@ -77,47 +76,10 @@ class MotionModel:
     noise: Floats
     stationary: Floats
 
-    def predict_mean(self, offset: Floats, velocity: Floats) -> tuple[Floats, Floats]:
-        """Return the change of position over the step, and the velocity after it, each (n_dof,).
-
-        `offset` is the posture minus its mean; it plays no part for the free joint.
-        """
-        moved = self._by_offset * offset
-        moved += self.transition[1::2] * velocity
-        return moved[0], moved[1]
-
-    def predict_covariance(self, covariance: Blocks, activity: Floats | None = None) -> Blocks:
-        """Return A P A^T + D Q D, with D the factors on the noise's standard deviation, one a dof."""
-        factors = self._usual if activity is None else activity
-        return algebra.predicted_covariance(covariance, self.transition, self.noise_blocks, factors)
-
-    def before(self, adjoint: Floats, matrix: Blocks) -> tuple[Floats, Blocks]:
-        """Return adjoint vector A^T a, shape (2 * n_dof,), and matrix A^T X A before the step."""
-        return algebra.before_step(adjoint, matrix, self.transition)
-
-    def disturbance(
-        self, adjoint: Floats, matrix: Blocks, activity: Floats | None = None
-    ) -> tuple[Floats, Floats]:
-        """Return a^T Q a and tr(Q X), each shared out among the degrees of freedom, shape (n_dof,).
-
-        With adjoint vector and matrix of a prediction, they are the squared size of the smoothed
-        disturbance that led to it, w^T Q^-1 w, and the number of disturbances that the data tell.
-        """
-        factors = self._usual if activity is None else activity
-        return algebra.disturbance(adjoint, matrix, self.noise_blocks, factors)
-
-    @cached_property
-    def _by_offset(self) -> Floats:
-        return self.transition[::2] - [[1.0], [0.0]]
-
     @cached_property
     def noise_blocks(self) -> Blocks:
         """Covariance of w as `to_blocks` lays it out, shape (4, n_dof, n_dof)."""
         return to_blocks(self.noise)
-
-    @cached_property
-    def _usual(self) -> Floats:
-        return np.ones(self.transition.shape[1])
 
 
 def motion_model(hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float) -> MotionModel:

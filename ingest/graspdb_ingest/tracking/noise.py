@@ -1,8 +1,7 @@
 """How a hand moves and how its markers stray, estimated from recordings of it.
 
 The likelihood of the filter's innovations is maximised over a few scales, with a weak prior about
-the assumed ones. Its gradient is exact and comes with the backward pass: that pass's adjoint vector
-and matrix are the derivatives of the log likelihood by each prediction's mean and covariance.
+the assumed ones.
 """
 
 from collections.abc import Sequence
@@ -16,18 +15,11 @@ from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Floats, HandModel
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.parameters import TrackingParameters
-from graspdb_ingest.tracking.algebra import smoothed_covariance
-from graspdb_ingest.tracking.filter import HandFilter, State, Update
-from graspdb_ingest.tracking.fit import FREE, SEVEN, fit_frame, visible
-from graspdb_ingest.tracking.motion import (
-    Blocks,
-    MotionModel,
-    MotionNoise,
-    left_half,
-    motion_model,
-    to_blocks,
-)
-from graspdb_ingest.tracking.smoother import ForwardPass
+from graspdb_ingest.tracking.correction import NO_READINGS
+from graspdb_ingest.tracking.filter import HandFilter
+from graspdb_ingest.tracking.fit import fit_frame, visible
+from graspdb_ingest.tracking.likelihood import PERTURBATION, Perturbed, likelihood
+from graspdb_ingest.tracking.motion import MotionModel, MotionNoise, motion_model, to_blocks
 
 SCALE_SD: Final = 1.0
 """Spread of the logarithm of a scale about the assumed one."""
@@ -43,7 +35,6 @@ movement up, and what is left of it to see is less than what there is [m]."""
 REACH: Final = 3.5
 """A scale is looked for within so many spreads of the assumed one."""
 MAXIMUM_EVALUATIONS: Final = 10
-PERTURBATION: Final = 1e-4
 MINIMUM_KEPT: Final = 0.3
 """A window in which fewer of the markers are seen and fit tells nothing."""
 
@@ -135,7 +126,7 @@ def _choose_windows(
         part = markers[first : first + length : stride]
         enough = visible(part).sum(axis=1) >= parameters.minimum_start_markers
         if enough.any():
-            part = part[int(np.argmax(enough)) :]
+            part = np.ascontiguousarray(part[int(np.argmax(enough)) :], dtype=float)
             start = fit_frame(kinematics, part[0], prior, sd)
             windows.append(_Window(part, stride / rate, start.q))
     noise = MotionNoise.assumed(parameters)
@@ -149,41 +140,35 @@ def _without_faults(
     """Return the window with the markers that do not pass the gate taken out, so that none needs it later."""
     kept = window.markers.copy()
     motion = motion_model(kinematics.hand, prior, noise, window.step)
-    for i, (_, update) in enumerate(_forward(kinematics, window, prior, noise, motion, gate)):
+    filter_ = _filter(kinematics, motion, prior, noise, gate)
+    state = filter_.start(window.start)
+    for i, observed in enumerate(window.markers):
+        update = filter_.update(filter_.predict(state) if i else state, observed, gated=i > 0)
         kept[i, ~update.used] = np.nan
+        state = update.state
     return _Window(kept, window.step, window.start)
 
 
-def _forward(
-    kinematics: Kinematics,
-    window: _Window,
-    prior: PosturePrior,
-    noise: MotionNoise,
-    motion: MotionModel,
-    gate: float,
-) -> list[tuple[State, Update]]:
-    """Return prediction and correction of every frame; a gate of 1 lets all markers pass."""
-    hand = kinematics.hand
-    filter_ = HandFilter(kinematics, motion, prior, np.full(len(hand.markers), noise.marker_sd), gate)
-    state, passed = filter_.start(window.start), []
-    for i, observed in enumerate(window.markers):
-        predicted = filter_.predict(state) if i else state
-        update = filter_.update(predicted, observed, gated=i > 0)
-        passed.append((predicted, update))
-        state = update.state
-    return passed
+def _filter(
+    kinematics: Kinematics, motion: MotionModel, prior: PosturePrior, noise: MotionNoise, gate: float
+) -> HandFilter:
+    return HandFilter(kinematics, motion, prior, np.full(len(kinematics.hand.markers), noise.marker_sd), gate)
 
 
 def _models(
     hand: HandModel, prior: PosturePrior, noise: MotionNoise, step: float
-) -> tuple[MotionModel, list[MotionModel]]:
+) -> tuple[MotionModel, Perturbed]:
     """Return the process model of some scales, and those with each scale of movement perturbed in turn."""
     logs, perturbed = np.log(astuple(noise)), []
     for i in range(len(logs) - 1):
         moved = logs.copy()
         moved[i] += PERTURBATION
         perturbed.append(motion_model(hand, prior, MotionNoise(*np.exp(moved)), step))
-    return motion_model(hand, prior, noise, step), perturbed
+    models = Perturbed(
+        np.array([model.transition for model in perturbed]),
+        np.array([model.noise_blocks for model in perturbed]),
+    )
+    return motion_model(hand, prior, noise, step), models
 
 
 def _likelihood(
@@ -192,86 +177,11 @@ def _likelihood(
     prior: PosturePrior,
     noise: MotionNoise,
     motion: MotionModel,
-    perturbed: Sequence[MotionModel],
+    perturbed: Perturbed,
 ) -> tuple[float, Floats]:
     """Return the log likelihood of a window and its derivatives by the logarithms of the scales."""
-    hand = kinematics.hand
-    passed = _forward(kinematics, window, prior, noise, motion, gate=1.0)
-    forward = ForwardPass(len(passed), hand.n_dof, len(hand.markers))
-    value = 0.0
-    for observed, (predicted, update) in zip(window.markers, passed, strict=True):
-        forward.append(predicted, update)
-        value += _log_density(kinematics, observed, predicted, update, noise.marker_sd)
-    score = np.zeros(len(perturbed) + 1)
-    for i, adjoint, matrix in forward.backward(motion):
-        predicted, update = passed[i]
-        observed, sd = window.markers[i], noise.marker_sd
-        score[-1] += _noise_score(kinematics, observed, predicted, update, adjoint, matrix, sd)
-        if i:
-            state = passed[i - 1][1].state
-            score[:-1] += _motion_scores(state, prior, motion, perturbed, adjoint, matrix)
-    return value, score
-
-
-def _log_density(
-    kinematics: Kinematics, observed: Floats, predicted: State, update: Update, marker_sd: float
-) -> float:
-    """Return the log density of a frame's innovation y, without the constant of the normal distribution.
-
-    With S the innovation's covariance, det S follows from the matrix determinant lemma, and
-    y^T S^-1 y is what the correction leaves of the markers' residuals and what it costs itself.
-    """
-    if not update.used.any():
-        return 0.0
-    kinematics.move(update.state.q)
-    residual = (observed - kinematics.markers)[update.used].ravel()
-    covariance = predicted.position_covariance
-    _, shrunk = np.linalg.slogdet(np.eye(len(covariance)) - update.inverse @ covariance)
-    squared = residual @ residual / marker_sd**2 + update.weighted @ covariance @ update.weighted
-    return float(shrunk - squared) / 2 - len(residual) * float(np.log(marker_sd))
-
-
-def _noise_score(
-    kinematics: Kinematics,
-    observed: Floats,
-    predicted: State,
-    update: Update,
-    adjoint: Floats,
-    matrix: Blocks,
-    marker_sd: float,
-) -> float:
-    """Return the derivative of the log likelihood by the logarithm of the markers' standard deviation.
-
-    By Fisher's identity: the expected squared residuals, smoothed, against what they should be.
-    """
-    if not update.used.any():
-        return 0.0
-    left = left_half(predicted.blocks)
-    kinematics.move(kinematics.hand.integrate(predicted.q, -(adjoint @ left)))
-    residual = (observed - kinematics.markers)[update.used].ravel()
-    rows = kinematics.marker_jacobian()[update.used].reshape(len(residual), -1)
-    covariance = smoothed_covariance(matrix, left)
-    expected = residual @ residual + np.sum((rows @ covariance) * rows)
-    return float(expected / marker_sd**2 - len(residual))
-
-
-def _motion_scores(
-    state: State,
-    prior: PosturePrior,
-    motion: MotionModel,
-    perturbed: Sequence[MotionModel],
-    adjoint: Floats,
-    matrix: Blocks,
-) -> Floats:
-    """Return the derivatives of the log likelihood by the logarithms of the scales of one step."""
-    offset = np.zeros(len(state.velocity))
-    offset[FREE:] = state.q[SEVEN:] - prior.mean
-    mean = np.concatenate(motion.predict_mean(offset, state.velocity))
-    blocks = motion.predict_covariance(state.blocks)
-    slope = to_blocks(np.outer(adjoint, adjoint)) - matrix
-    scores = []
-    for other in perturbed:
-        by_mean = np.concatenate(other.predict_mean(offset, state.velocity)) - mean
-        by_covariance = other.predict_covariance(state.blocks) - blocks
-        scores.append(np.vdot(slope, by_covariance) / 2 - adjoint @ by_mean)
-    return np.array(scores) / PERTURBATION
+    filter_ = _filter(kinematics, motion, prior, noise, gate=1.0)
+    stationary = to_blocks(motion.stationary)
+    return likelihood(
+        filter_.setting, filter_.placed, window.start, stationary, window.markers, NO_READINGS, perturbed
+    )

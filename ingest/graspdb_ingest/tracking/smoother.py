@@ -132,24 +132,6 @@ class ForwardPass:
         record.q[i], record.used[i], record.at_limit[i] = predicted.q, update.used, update.at_limit
         self.length += 1
 
-    def backward(self, motion: MotionModel) -> Iterator[tuple[int, Floats, Blocks]]:
-        """Yield frame, adjoint vector and adjoint matrix, from the last frame to the first.
-
-        They belong to the frame's prediction with mean x and covariance P: the smoothed state is
-        x - P a and its covariance P - P X P. The log likelihood of all that is measured from this
-        frame on has the derivatives -a by x and (a a^T - X) / 2 by P.
-
-        Parameters
-        ----------
-        motion : MotionModel
-            The step between frames that the forward pass predicted with.
-        """
-        adjoint, matrix = _nothing_after(self.record)
-        for i in reversed(range(self.length)):
-            last = i == self.length - 1
-            adjoint, matrix = _earlier(self.record, i, last, adjoint, matrix, motion.transition)
-            yield i, adjoint, matrix
-
     def smooth(
         self, motion: MotionModel, activity: Floats | None = None, covariance: bool = True
     ) -> Iterator[Smoothed]:
@@ -164,8 +146,10 @@ class ForwardPass:
         covariance : bool
             Whether covariances are wanted; they are a third of the work.
         """
-        adjoint, matrix = _nothing_after(self.record)
-        factors = np.ones((self.length, matrix.shape[1])) if activity is None else activity
+        n = self.record.weighted.shape[1]
+        adjoint: Floats = np.zeros(2 * n)
+        matrix: Blocks = np.zeros((4, n, n))
+        factors = np.ones((self.length, n)) if activity is None else activity
         stop = self.length
         while stop > 0:
             first = (stop - 1) // BLOCK * BLOCK
@@ -185,12 +169,6 @@ class ForwardPass:
             steps, covariances, squared, determined = found
             yield Smoothed(slice(first, stop), steps, covariances, Disturbances(squared, determined))
             stop = first
-
-
-def _nothing_after(record: Record) -> tuple[Floats, Blocks]:
-    """Return adjoint vector and matrix after the last frame."""
-    n = record.weighted.shape[1]
-    return np.zeros(2 * n), np.zeros((4, n, n))
 
 
 @compiled
