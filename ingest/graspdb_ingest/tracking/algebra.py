@@ -18,8 +18,11 @@ def predicted_mean(offset: Floats, velocity: Floats, transition: Floats) -> tupl
 
     `offset` is the posture minus its mean; it plays no part for the free joint.
     """
-    a, b, c, d = transition
-    return (a - 1.0) * offset + b * velocity, c * offset + d * velocity
+    change, moved = np.empty(len(offset)), np.empty(len(offset))
+    for i in range(len(offset)):
+        change[i] = (transition[0, i] - 1.0) * offset[i] + transition[1, i] * velocity[i]
+        moved[i] = transition[2, i] * offset[i] + transition[3, i] * velocity[i]
+    return change, moved
 
 
 @compiled
@@ -43,8 +46,10 @@ def before_step(adjoint: Floats, matrix: Floats, transition: Floats) -> tuple[Fl
     for i in range(n):
         earlier[i] = transition[0, i] * adjoint[i] + transition[2, i] * adjoint[n + i]
         earlier[n + i] = transition[1, i] * adjoint[i] + transition[3, i] * adjoint[n + i]
-    transposed = transition.copy()
-    transposed[1], transposed[2] = transition[2], transition[1]
+    transposed = np.empty_like(transition)
+    for i in range(n):
+        transposed[0, i], transposed[1, i] = transition[0, i], transition[2, i]
+        transposed[2, i], transposed[3, i] = transition[1, i], transition[3, i]
     return earlier, _congruent(matrix, transposed)
 
 
@@ -106,9 +111,10 @@ def solve_measured(covariance: Floats, normal: Floats) -> Floats:
     number of markers.
     """
     n = len(covariance)
-    system = np.empty((n, 2 * n + 1))
-    system[:, :n] = np.dot(normal[:n], covariance)
+    system, product = np.empty((n, 2 * n + 1)), np.dot(normal[:n], covariance)
     for i in range(n):
+        for j in range(n):
+            system[i, j] = product[i, j]
         system[i, i] += 1.0
         for j in range(n + 1):
             system[i, n + j] = normal[j, i]
@@ -167,13 +173,14 @@ def corrected(blocks: Floats, inverse: Floats) -> Floats:
     """Return P - P H^T S^-1 H P, shape (4, n, n), with J^T S^-1 J = `inverse`, shape (n, n)."""
     n = len(inverse)
     gain = np.dot(_left(blocks), inverse)
+    of_position, of_velocity = np.dot(gain, blocks[2]), np.dot(gain[n:], blocks[0])
     after = np.empty_like(blocks)
-    told = np.dot(gain, blocks[2])
-    after[2], after[3] = blocks[2] - told[:n], blocks[3] - told[n:]
-    after[1] = blocks[1] - np.dot(gain[n:], blocks[0])
-    _symmetrise(after[1])
-    _symmetrise(after[2])
-    after[0] = after[3].T
+    for i in range(n):
+        for j in range(n):
+            after[2, i, j] = blocks[2, i, j] - of_position[i, j]
+            after[3, i, j] = blocks[3, i, j] - of_position[n + i, j]
+            after[1, i, j] = blocks[1, i, j] - of_velocity[i, j]
+    _make_symmetric(after)
     return after
 
 
@@ -187,18 +194,20 @@ def before_measurement(
     prediction's covariance that belong to positions; `inverse` and `weighted` are J^T S^-1 J and J^T S^-1 y.
     """
     n = columns.shape[1]
-    through = -np.dot(columns, inverse)
-    for i in range(n):
-        through[i, i] += 1.0
+    through = np.dot(columns, inverse)
+    for i in range(2 * n):
+        for j in range(n):
+            through[i, j] = (1.0 if i == j else 0.0) - through[i, j]
     carried = _times(matrix, through)
-    before = np.empty_like(matrix)
-    before[1] = matrix[1]
-    before[2] = np.dot(through.T, carried) + inverse
-    before[3] = carried[n:]
-    before[0] = before[3].T
-    _symmetrise(before[2])
-    earlier = adjoint.copy()
-    earlier[:n] = np.dot(adjoint, through) - weighted
+    squared, moved = np.dot(through.T, carried), np.dot(adjoint, through)
+    before, earlier = np.empty_like(matrix), adjoint.copy()
+    for i in range(n):
+        earlier[i] = moved[i] - weighted[i]
+        for j in range(n):
+            before[1, i, j] = matrix[1, i, j]
+            before[2, i, j] = squared[i, j] + inverse[i, j]
+            before[3, i, j] = carried[n + i, j]
+    _make_symmetric(before)
     return earlier, before
 
 
@@ -206,15 +215,22 @@ def before_measurement(
 def smoothed_covariance(matrix: Floats, columns: Floats) -> Floats:
     """Return P - P X P of the positions, shape (n, n); `columns` as in `before_measurement`."""
     n = columns.shape[1]
-    told: Floats = np.dot(columns.T, _times(matrix, columns))
-    return columns[:n] - told
+    covariance: Floats = np.dot(columns.T, _times(matrix, columns))
+    for i in range(n):
+        for j in range(n):
+            covariance[i, j] = columns[i, j] - covariance[i, j]
+    return covariance
 
 
 @compiled
 def _times(matrix: Floats, columns: Floats) -> Floats:
     """Return X C, shape (2 n, n), for columns C of shape (2 n, n)."""
     n = columns.shape[1]
-    product: Floats = np.dot(_left(matrix), columns[:n]) + np.dot(_right(matrix), columns[n:])
+    product: Floats = np.dot(_left(matrix), columns[:n])
+    more = np.dot(_right(matrix), columns[n:])
+    for i in range(2 * n):
+        for j in range(n):
+            product[i, j] += more[i, j]
     return product
 
 
@@ -234,7 +250,7 @@ def _right(blocks: Floats) -> Floats:
 def _congruent(blocks: Floats, transition: Floats) -> Floats:
     """Return F X F^T of a symmetric X, shape (4, n, n)."""
     n = blocks.shape[1]
-    a, b, c, d = transition
+    a, b, c, d = transition[0], transition[1], transition[2], transition[3]
     result = np.empty_like(blocks)
     for i in range(n):
         pv, vv, pp, vp = blocks[0, i], blocks[1, i], blocks[2, i], blocks[3, i]
@@ -248,15 +264,31 @@ def _congruent(blocks: Floats, transition: Floats) -> Floats:
             of_position = c[j] * pp[j] + d[j] * pv[j]
             of_velocity = c[j] * vp[j] + d[j] * vv[j]
             to_vv[j] = ci * of_position + di * of_velocity
-    _symmetrise(result[1])
-    _symmetrise(result[2])
-    result[0] = result[3].T
+    _make_symmetric(result)
     return result
 
 
 @compiled
-def _symmetrise(matrix: Floats) -> None:
-    """Make a matrix symmetric again, in place, where rounding has left it askew."""
-    for i in range(len(matrix)):
+def _make_symmetric(blocks: Floats) -> None:
+    """Write the first block from the last; make the others symmetric where rounding has left them askew."""
+    for i in range(blocks.shape[1]):
+        for j in range(blocks.shape[1]):
+            blocks[0, i, j] = blocks[3, j, i]
         for j in range(i):
-            matrix[i, j] = matrix[j, i] = 0.5 * (matrix[i, j] + matrix[j, i])
+            for block in (1, 2):
+                mean = 0.5 * (blocks[block, i, j] + blocks[block, j, i])
+                blocks[block, i, j] = blocks[block, j, i] = mean
+
+
+@compiled
+def copy_matrix(source: Floats, target: Floats) -> None:
+    """Write a matrix into another array of its shape; quicker to compile than a slice."""
+    for i in range(len(source)):
+        copy_vector(source[i], target[i])
+
+
+@compiled
+def copy_vector(source: Floats, target: Floats) -> None:
+    """Write a vector into another array of its length."""
+    for j in range(len(source)):
+        target[j] = source[j]

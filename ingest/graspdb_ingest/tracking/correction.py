@@ -17,6 +17,7 @@ from graspdb_ingest.hand.tree import (
     write_points,
 )
 from graspdb_ingest.tracking.algebra import (
+    copy_vector,
     corrected,
     normal_equations,
     predicted_covariance,
@@ -142,33 +143,40 @@ def correct(
     jacobian, innovation = np.empty((len(observed), 3, n)), np.empty((len(observed), 3))
     seen = _linearise(setting, placed, q, observed, jacobian, innovation)
     used = _passing(setting, blocks[2], jacobian, innovation, seen) if gated else seen
-    information, score = _read(setting, q, blocks[2], readings, frame)
-    if not used.any() and not information.any():
+    information, score, measured = _read(setting, q, blocks[2], readings, frame)
+    weight = np.zeros(len(observed))
+    for marker in range(len(observed)):
+        if used[marker]:
+            weight[marker], measured = setting.root_weight[marker], True
+    if not measured:
         return q, velocity, blocks, used, False, np.zeros((n + 1, n))
-    weight = setting.root_weight * used
     last, at_limit = np.zeros(n), False
     change, faster = last, last
     solved: Floats = np.empty((n + 1, n))
-    for number in range(MAXIMUM_LINEARISATIONS):
+    for _ in range(MAXIMUM_LINEARISATIONS):
         normal = normal_equations(jacobian, innovation, weight)
-        if number:  # as if the innovation were that of the prediction
-            normal[n] += np.dot(normal[:n], last)
+        moved = np.dot(normal[:n], last)  # as if the innovation were that of the prediction
         for i in range(n):
             normal[i, i] += information[i]
-            normal[n, i] += score[i]
+            normal[n, i] += score[i] + moved[i]
         at_limit, solved = _within_limits(setting, q, blocks[2], normal)
         change, faster = np.dot(blocks[2], solved[n]), np.dot(blocks[3], solved[n])
         if _close(change, last):
             break
         last = change
         _linearise(setting, placed, integrate(q, last), observed, jacobian, innovation)
-    return integrate(q, change), velocity + faster, corrected(blocks, solved[:n]), used, at_limit, solved
+    for i in range(n):
+        faster[i] += velocity[i]
+    return integrate(q, change), faster, corrected(blocks, solved[:n]), used, at_limit, solved
 
 
 @compiled
 def _close(change: Floats, last: Floats) -> bool:
     """Return whether no joint turns further than `LARGE_STEP` from the last linearisation."""
-    return bool(np.max(np.abs(change[3:] - last[3:])) < LARGE_STEP)
+    furthest = 0.0
+    for i in range(3, len(change)):
+        furthest = max(furthest, abs(change[i] - last[i]))
+    return furthest < LARGE_STEP
 
 
 @compiled
@@ -202,25 +210,28 @@ def _passing(
         distance = innovation[i]
         variance = 1 / setting.root_weight[i] ** 2
         if np.dot(distance, distance) > setting.gate * variance:
-            system = np.empty((3, 4))
-            system[:, :3] = np.dot(np.dot(jacobian[i], covariance), jacobian[i].T)
+            system, spread = np.empty((3, 4)), np.dot(np.dot(jacobian[i], covariance), jacobian[i].T)
             for axis in range(3):
+                copy_vector(spread[axis], system[axis, :3])
                 system[axis, axis] += variance
                 system[axis, 3] = distance[axis]
             solve(system)
-            passing[i] = np.dot(distance, system[:, 3].copy()) <= setting.gate
+            squared = 0.0
+            for axis in range(3):
+                squared += distance[axis] * system[axis, 3]
+            passing[i] = squared <= setting.gate
     return passing
 
 
 @compiled
 def _read(
     setting: Setting, q: Floats, covariance: Floats, readings: JointReadings, frame: int
-) -> tuple[Floats, Floats]:
-    """Return the precision and the precision times the innovation of each degree of freedom's reading.
+) -> tuple[Floats, Floats, bool]:
+    """Return the precision, and the precision times the innovation, of each degree of freedom's reading.
 
-    Both are zero where there is none, or it does not pass the gate.
+    Both are zero where there is none, or it does not pass the gate. The last value says whether any does.
     """
-    information, score = np.zeros(len(covariance)), np.zeros(len(covariance))
+    information, score, measured = np.zeros(len(covariance)), np.zeros(len(covariance)), False
     for k in range(len(readings.hinges)):
         dof = readings.hinges[k] + 6
         innovation = readings.angles[frame, k] - q[dof + 1]
@@ -228,7 +239,8 @@ def _read(
         if innovation**2 <= setting.angle_gate * spread:  # false for NaN
             information[dof] = 1 / readings.variance[k]
             score[dof] = innovation / readings.variance[k]
-    return information, score
+            measured = True
+    return information, score, measured
 
 
 @compiled
@@ -263,17 +275,19 @@ def _measured_besides(
     W = I - J^T S^-1 J P, V the covariance of the second innovation.
     """
     n, count = len(covariance), len(dofs)
-    columns = covariance[dofs]  # of a symmetric matrix
-    rest = -np.dot(columns, solved[:n])  # rows of W^T
+    columns = np.empty((count, n))
     for k in range(count):
-        rest[k, dofs[k]] += 1.0
-    system = np.empty((count, count + n + 1))
-    system[:, :count] = np.dot(rest, columns.T)
+        copy_vector(covariance[dofs[k]], columns[k])  # a column too, of a symmetric matrix
+    rest = np.dot(columns, solved[:n])
+    for k in range(count):  # rows of W^T
+        for j in range(n):
+            rest[k, j] = (1.0 if j == dofs[k] else 0.0) - rest[k, j]
+    system, spread = np.empty((count, count + n + 1)), np.dot(rest, columns.T)
     for k in range(count):
+        copy_vector(spread[k], system[k, :count])
         system[k, k] += LIMIT_SD**2
         system[k, count + n] = innovation[k]
-        for j in range(n):
-            system[k, count + j] = rest[k, j]
+        copy_vector(rest[k], system[k, count : count + n])
     solve(system)
     besides = solved.copy()
     for k in range(count):

@@ -13,6 +13,7 @@ from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
 from graspdb_ingest.hand.tree import Placed
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.algebra import copy_matrix, copy_vector
 from graspdb_ingest.tracking.correction import NO_READINGS, JointReadings, Setting, correct, predict
 from graspdb_ingest.tracking.filter import HandFilter, State, Update
 from graspdb_ingest.tracking.fit import fit_frame, visible
@@ -169,15 +170,24 @@ def _advance(
         if doubtful > LOST_AFTER or unseen > forgotten_after:
             return i
         q, velocity, blocks = predict(setting, q, velocity, blocks, activity[i])
-        record.columns[row, :n], record.columns[row, n:], record.q[row] = blocks[2], blocks[3], q
+        copy_matrix(blocks[2], record.columns[row, :n])
+        copy_matrix(blocks[3], record.columns[row, n:])
+        copy_vector(q, record.q[row])
         q, velocity, blocks, used, at_limit, solved = correct(
             setting, placed, q, velocity, blocks, observed, readings, i, gated
         )
-        record.inverse[row], record.weighted[row] = solved[:n], solved[n]
-        record.used[row], record.at_limit[row] = used, at_limit
+        copy_matrix(solved[:n], record.inverse[row])
+        copy_vector(solved[n], record.weighted[row])
+        record.at_limit[row], n_used = at_limit, 0
+        for marker in range(len(used)):
+            record.used[row, marker] = used[marker]
+            n_used += used[marker]
         row += 1
-        doubtful = doubtful + 1 if 2 * (n_seen - np.count_nonzero(used)) > n_seen else 0
-    known.q[:], known.velocity[:], known.blocks[:] = q, velocity, blocks
+        doubtful = doubtful + 1 if 2 * (n_seen - n_used) > n_seen else 0
+    copy_vector(q, known.q)
+    copy_vector(velocity, known.velocity)
+    for block in range(4):
+        copy_matrix(blocks[block], known.blocks[block])
     known.counts[0], known.counts[1] = doubtful, unseen
     return len(markers)
 

@@ -20,6 +20,8 @@ from graspdb_ingest.hand.tree import (
 from graspdb_ingest.tracking.algebra import (
     before_measurement,
     before_step,
+    copy_matrix,
+    copy_vector,
     log_determinant,
     predicted_covariance,
     predicted_mean,
@@ -101,9 +103,12 @@ def likelihood(
         solved, blocks = passed.solved[i], passed.predicted_blocks[i]
         columns = blocks[2:].reshape(2 * n, n)
         adjoint, matrix = before_measurement(adjoint, matrix, columns, solved[:n], solved[n])
-        if passed.used[i].any():
+        if np.any(passed.used[i]):
             value += _log_density(setting, placed, passed, markers[i], i)
-            smoothed = integrate(passed.predicted_q[i], -np.dot(adjoint, columns))
+            step = np.dot(adjoint, columns)
+            for dof in range(n):
+                step[dof] = -step[dof]
+            smoothed = integrate(passed.predicted_q[i], step)
             covariance = smoothed_covariance(matrix, columns)
             score[n_scales] += _noise_score(setting, placed, smoothed, covariance, markers[i], passed.used[i])
         if i:
@@ -132,16 +137,23 @@ def _forward(
         np.empty((m, n + 1, n)),
     )
     velocity: Floats = np.zeros(n)
-    q, blocks, usual = start, stationary, np.ones(n)
+    q, blocks, usual, gated = start, stationary, np.ones(n), m < 0  # no literal, which is a type of its own
     for i in range(m):
         if i:
             q, velocity, blocks = predict(setting, q, velocity, blocks, usual)
-        passed.predicted_q[i], passed.predicted_blocks[i] = q, blocks
+        copy_vector(q, passed.predicted_q[i])
+        for block in range(4):
+            copy_matrix(blocks[block], passed.predicted_blocks[i, block])
         q, velocity, blocks, used, _, solved = correct(
-            setting, placed, q, velocity, blocks, markers[i], nothing_read, 0, False
+            setting, placed, q, velocity, blocks, markers[i], nothing_read, i, gated
         )
-        passed.q[i], passed.velocity[i], passed.blocks[i] = q, velocity, blocks
-        passed.used[i], passed.solved[i] = used, solved
+        copy_vector(q, passed.q[i])
+        copy_vector(velocity, passed.velocity[i])
+        for block in range(4):
+            copy_matrix(blocks[block], passed.blocks[i, block])
+        copy_matrix(solved, passed.solved[i])
+        for marker in range(len(used)):
+            passed.used[i, marker] = used[marker]
     return passed
 
 
@@ -154,9 +166,10 @@ def _log_density(setting: Setting, placed: Placed, passed: _Passed, observed: Fl
     """
     n = passed.solved.shape[2]
     covariance, weighted = passed.predicted_blocks[i, 2], passed.solved[i, n]
-    rest = -np.dot(passed.solved[i, :n], covariance)
-    for dof in range(n):
-        rest[dof, dof] += 1.0
+    rest = np.dot(passed.solved[i, :n], covariance)
+    for row in range(n):
+        for dof in range(n):
+            rest[row, dof] = (1.0 if row == dof else 0.0) - rest[row, dof]
     place(setting.tree, passed.q[i], placed)
     positions = np.empty(observed.shape)
     write_points(setting.markers, placed, positions)
@@ -223,5 +236,7 @@ def _add_motion_scores(
                     by_covariance = left * adjoint[columns[block] + b] - matrix[block, a, b]
                     slope += by_covariance * (other[block, a, b] - blocks[block, a, b]) / 2
         other_change, other_moved = predicted_mean(offset, velocity, transition)
-        slope -= np.dot(adjoint[:n], other_change - change) + np.dot(adjoint[n:], other_moved - moved)
+        for dof in range(n):
+            slope -= adjoint[dof] * (other_change[dof] - change[dof])
+            slope -= adjoint[n + dof] * (other_moved[dof] - moved[dof])
         score[k] += slope / PERTURBATION

@@ -17,6 +17,8 @@ from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.tracking.algebra import (
     before_measurement,
     before_step,
+    copy_matrix,
+    copy_vector,
     disturbance,
     smoothed_covariance,
 )
@@ -202,9 +204,13 @@ def _smooth_block(
     for i in range(stop - 1, first - 1, -1):
         adjoint, matrix = _earlier(record, i, last and i == stop - 1, adjoint, matrix, transition)
         columns = record.columns[i].astype(np.float64)
-        steps[i - first] = -np.dot(adjoint, columns)
+        moved = np.dot(adjoint, columns)
+        for dof in range(n):
+            steps[i - first, dof] = -moved[dof]
         if covariance:
-            covariances[i - first] = smoothed_covariance(matrix, columns)
+            copy_matrix(smoothed_covariance(matrix, columns), covariances[i - first])
         if i:  # nothing led to the first frame
-            squared[i - first], determined[i - first] = disturbance(adjoint, matrix, noise, activity[i])
+            felt, told = disturbance(adjoint, matrix, noise, activity[i])
+            copy_vector(felt, squared[i - first])
+            copy_vector(told, determined[i - first])
     return adjoint, matrix, steps, covariances, squared, determined
