@@ -138,12 +138,14 @@ def _with_neighbours(grid: Grid, own: Array, radius: float) -> Array:
     rows = np.empty((ROWS, 2), np.int64)
     for i in range(len(points)):
         for row in range(rows_around(grid, points[i], rows)):
-            for j in range(rows[row, 0], rows[row, 1]):
+            for j in range(max(rows[row, 0], i + 1), rows[row, 1]):
                 squared = squared_distance(points[i], points[j])
                 if 0 < squared <= radius * radius:
                     weight = 1 / squared
                     for k in range(3 * BINS):
                         histograms[i, k] += weight * own[j, k]
+                        histograms[j, k] += weight * own[i, k]
+    for i in range(len(points)):
         for first in range(0, 3 * BINS, BINS):
             some = histograms[i, first : first + BINS]
             total = some.sum()
