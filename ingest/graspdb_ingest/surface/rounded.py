@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.vectors import cross, dot, minus
 
 Integers = NDArray[np.int64]
-Vector = Floats | tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,8 @@ def _nearest(
     for i in range(len(points)):
         first = 0
         for j in range(len(corners)):
-            arm = _minus(points[i], middles[j])
-            least[j] = np.sqrt(_dot(arm, arm)) - reaches[j]
+            arm = minus(points[i], middles[j])
+            least[j] = np.sqrt(dot(arm, arm)) - reaches[j]
             if least[j] < least[first]:
                 first = j
         shape[i] = first
@@ -156,16 +156,16 @@ def _along_edge(point: Floats, start: Floats, end: Floats, start_radius: float, 
     ``||p - c(t)|| - r(t)`` is convex in t; its slope is zero where the line from the point to the
     centre leans by the taper.
     """
-    axis, arm = _minus(end, start), _minus(point, start)
-    length = np.sqrt(_dot(axis, axis))
+    axis, arm = minus(end, start), minus(point, start)
+    length = np.sqrt(dot(axis, axis))
     if length == 0:
         return 0.0
     taper = (end_radius - start_radius) / length
     # One sphere holds the other where the taper is steeper than one: then the larger one is all there is.
     if abs(taper) >= 1:
         return 1.0 if taper > 0 else 0.0
-    along = _dot(arm, axis) / length
-    aside = np.sqrt(max(_dot(arm, arm) - along**2, 0.0))
+    along = dot(arm, axis) / length
+    aside = np.sqrt(max(dot(arm, arm) - along**2, 0.0))
     lean = taper / np.sqrt(max(1 - taper**2, 1e-12))
     return float(min(max((along + aside * lean) / length, 0.0), 1.0))
 
@@ -176,12 +176,12 @@ def _in_triangle(point: Floats, corners: Floats, radii: Floats) -> tuple[float, 
 
     They may lie outside the triangle, and are NaN where there is no such place.
     """
-    first, second = _minus(corners[1], corners[0]), _minus(corners[2], corners[0])
-    normal = _cross(first, second)
-    doubled = np.sqrt(_dot(normal, normal))
+    first, second = minus(corners[1], corners[0]), minus(corners[2], corners[0])
+    normal = cross(first, second)
+    doubled = np.sqrt(dot(normal, normal))
     if doubled <= 1e-12:
         return np.nan, np.nan
-    aa, ab, bb = _dot(first, first), _dot(first, second), _dot(second, second)
+    aa, ab, bb = dot(first, first), dot(first, second), dot(second, second)
     determinant = aa * bb - ab**2
     # The gradient of the radius in the plane.
     rise, climb = radii[1] - radii[0], radii[2] - radii[0]
@@ -189,22 +189,7 @@ def _in_triangle(point: Floats, corners: Floats, radii: Floats) -> tuple[float, 
     steep = along_first * rise + along_second * climb
     if steep >= 1:
         return np.nan, np.nan
-    arm = _minus(point, corners[0])
-    away = abs(_dot(arm, normal)) / doubled / np.sqrt(max(1 - steep, 1e-12))
-    pa, pb = _dot(arm, first) + away * rise, _dot(arm, second) + away * climb
+    arm = minus(point, corners[0])
+    away = abs(dot(arm, normal)) / doubled / np.sqrt(max(1 - steep, 1e-12))
+    pa, pb = dot(arm, first) + away * rise, dot(arm, second) + away * climb
     return (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
-
-
-@compiled
-def _minus(a: Vector, b: Vector) -> tuple[float, float, float]:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@compiled
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@compiled
-def _cross(a: Vector, b: Vector) -> tuple[float, float, float]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
