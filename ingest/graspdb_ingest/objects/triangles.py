@@ -27,8 +27,6 @@ class TriangleTree(NamedTuple):
     ----------
     corners : ndarray, shape (n, 3, 3)
         Corners of each triangle [m].
-    faces : ndarray of int, shape (n,)
-        Which face of the mesh each one is.
     boxes : ndarray, shape (n_boxes, 2, 3)
         Lowest and highest corner of what each box holds [m], the root first and then level by level.
     starts : ndarray of int, shape (n_leaves + 1,)
@@ -36,7 +34,6 @@ class TriangleTree(NamedTuple):
     """
 
     corners: Array
-    faces: NDArray[np.int64]
     boxes: Array
     starts: NDArray[np.int64]
 
@@ -68,7 +65,7 @@ def triangle_tree(vertices: Array, faces: NDArray[np.int64]) -> TriangleTree:
         np.stack([np.minimum.reduceat(lows, first), np.maximum.reduceat(highs, first)], axis=1)
         for first in (_starts(n, level)[:-1] for level in range(depth + 1))
     ]
-    return TriangleTree(corners, order, np.concatenate(boxes), _starts(n, depth))
+    return TriangleTree(corners, np.concatenate(boxes), _starts(n, depth))
 
 
 def _starts(n: int, level: int) -> NDArray[np.int64]:
@@ -94,21 +91,32 @@ def nearest_points(tree: TriangleTree, points: Array) -> tuple[Array, NDArray[np
     """
     positions, triangles = np.empty(points.shape), np.zeros(points.shape[:2], np.int64)
     stack, distances = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST)
+    corners, boxes, starts = tree.corners, tree.boxes, tree.starts
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
             # What was nearest the step before is not far off now, which rules out most boxes at once.
             first = triangles[i - 1, k] if i else 0
-            triangles[i, k] = _descend(tree, points[i, k], first, stack, distances)
-            positions[i, k, :] = _on_triangle(points[i, k], tree.corners[triangles[i, k]])
+            point = (points[i, k, 0], points[i, k, 1], points[i, k, 2])
+            best = _descend(corners, boxes, starts, point, first, stack, distances)
+            triangles[i, k] = best
+            positions[i, k, :] = _on_triangle(point, corners[best])
     return positions, triangles
 
 
 @compiled
-def _descend(tree: TriangleTree, point: Array, first: int, stack: NDArray[np.int64], distances: Array) -> int:
+def _descend(
+    corners: Array,
+    boxes: Array,
+    starts: NDArray[np.int64],
+    point: Three,
+    first: int,
+    stack: NDArray[np.int64],
+    distances: Array,
+) -> int:
     """Return the triangle nearest to a point, beginning with a guess."""
-    best, least = first, _squared_to_triangle(point, tree.corners[first])
-    n_inner = len(tree.starts) - 2
-    stack[0], distances[0] = 0, _squared_to_box(point, tree.boxes[0])
+    best, least = first, _squared_to_triangle(point, corners[first])
+    n_inner = len(starts) - 2
+    stack[0], distances[0] = 0, _squared_to_box(point, boxes, 0)
     waiting = 1
     while waiting:
         waiting -= 1
@@ -116,16 +124,13 @@ def _descend(tree: TriangleTree, point: Array, first: int, stack: NDArray[np.int
         if distances[waiting] >= least:
             continue
         if box >= n_inner:
-            for j in range(tree.starts[box - n_inner], tree.starts[box - n_inner + 1]):
-                squared = _squared_to_triangle(point, tree.corners[j])
+            for j in range(starts[box - n_inner], starts[box - n_inner + 1]):
+                squared = _squared_to_triangle(point, corners[j])
                 if squared < least:
                     best, least = j, squared
             continue
         left, right = 2 * box + 1, 2 * box + 2
-        to_left, to_right = (
-            _squared_to_box(point, tree.boxes[left]),
-            _squared_to_box(point, tree.boxes[right]),
-        )
+        to_left, to_right = _squared_to_box(point, boxes, left), _squared_to_box(point, boxes, right)
         # The nearer one is taken first, for it lies on top.
         if to_left < to_right:
             left, right, to_left, to_right = right, left, to_right, to_left
@@ -136,22 +141,22 @@ def _descend(tree: TriangleTree, point: Array, first: int, stack: NDArray[np.int
 
 
 @compiled
-def _squared_to_box(point: Array, box: Array) -> float:
+def _squared_to_box(point: Three, boxes: Array, box: int) -> float:
     squared = 0.0
     for i in range(3):
-        beyond = max(box[0, i] - point[i], point[i] - box[1, i], 0.0)
+        beyond = max(boxes[box, 0, i] - point[i], point[i] - boxes[box, 1, i], 0.0)
         squared += beyond * beyond
     return squared
 
 
 @compiled
-def _squared_to_triangle(point: Array, corners: Array) -> float:
+def _squared_to_triangle(point: Three, corners: Array) -> float:
     arm = minus(_on_triangle(point, corners), point)
     return dot(arm, arm)
 
 
 @compiled
-def _on_triangle(point: Array, corners: Array) -> Three:
+def _on_triangle(point: Three, corners: Array) -> Three:
     """Return the nearest point of a triangle (Ericson, "Real-Time Collision Detection", 2005, 5.1.5)."""
     a, b, c = corners[0], corners[1], corners[2]
     ab, ac, bc = minus(b, a), minus(c, a), minus(c, b)
