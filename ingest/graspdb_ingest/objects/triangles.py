@@ -27,6 +27,8 @@ class TriangleTree(NamedTuple):
     ----------
     corners : ndarray, shape (n, 3, 3)
         Corners of each triangle [m].
+    balls : ndarray, shape (n, 4)
+        Centre and radius of a ball around each of them [m].
     boxes : ndarray, shape (n_boxes, 2, 3)
         Lowest and highest corner of what each box holds [m], the root first and then level by level.
     starts : ndarray of int, shape (n_leaves + 1,)
@@ -34,6 +36,7 @@ class TriangleTree(NamedTuple):
     """
 
     corners: Array
+    balls: Array
     boxes: Array
     starts: NDArray[np.int64]
 
@@ -65,7 +68,10 @@ def triangle_tree(vertices: Array, faces: NDArray[np.int64]) -> TriangleTree:
         np.stack([np.minimum.reduceat(lows, first), np.maximum.reduceat(highs, first)], axis=1)
         for first in (_starts(n, level)[:-1] for level in range(depth + 1))
     ]
-    return TriangleTree(corners, np.concatenate(boxes), _starts(n, depth))
+    middles = corners.mean(axis=1)
+    reaches = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+    balls = np.column_stack([middles, reaches * (1 + 1e-9) + 1e-15])  # no tighter by rounding
+    return TriangleTree(corners, balls, np.concatenate(boxes), _starts(n, depth))
 
 
 def _starts(n: int, level: int) -> NDArray[np.int64]:
@@ -91,13 +97,13 @@ def nearest_points(tree: TriangleTree, points: Array) -> tuple[Array, NDArray[np
     """
     positions, triangles = np.empty(points.shape), np.zeros(points.shape[:2], np.int64)
     stack, distances = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST)
-    corners, boxes, starts = tree.corners, tree.boxes, tree.starts
+    corners, balls, boxes, starts = tree
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
             # What was nearest the step before is not far off now, which rules out most boxes at once.
             first = triangles[i - 1, k] if i else 0
             point = (points[i, k, 0], points[i, k, 1], points[i, k, 2])
-            best = _descend(corners, boxes, starts, point, first, stack, distances)
+            best = _descend(corners, balls, boxes, starts, point, first, stack, distances)
             triangles[i, k] = best
             positions[i, k, :] = _on_triangle(point, corners[best])
     return positions, triangles
@@ -106,6 +112,7 @@ def nearest_points(tree: TriangleTree, points: Array) -> tuple[Array, NDArray[np
 @compiled
 def _descend(
     corners: Array,
+    balls: Array,
     boxes: Array,
     starts: NDArray[np.int64],
     point: Three,
@@ -115,7 +122,7 @@ def _descend(
 ) -> int:
     """Return the triangle nearest to a point, beginning with a guess."""
     best, least = first, _squared_to_triangle(point, corners[first])
-    n_inner = len(starts) - 2
+    root, n_inner = np.sqrt(least), len(starts) - 2
     stack[0], distances[0] = 0, _squared_to_box(point, boxes, 0)
     waiting = 1
     while waiting:
@@ -125,9 +132,11 @@ def _descend(
             continue
         if box >= n_inner:
             for j in range(starts[box - n_inner], starts[box - n_inner + 1]):
-                squared = _squared_to_triangle(point, corners[j])
-                if squared < least:
-                    best, least = j, squared
+                arm, reach = minus(point, balls[j]), root + balls[j, 3]
+                if dot(arm, arm) < reach * reach:
+                    squared = _squared_to_triangle(point, corners[j])
+                    if squared < least:
+                        best, least, root = j, squared, np.sqrt(squared)
             continue
         left, right = 2 * box + 1, 2 * box + 2
         to_left, to_right = _squared_to_box(point, boxes, left), _squared_to_box(point, boxes, right)
@@ -194,8 +203,10 @@ def inside(tree: TriangleTree, points: Array, rays: Array) -> NDArray[np.bool_]:
     for i in range(len(points)):
         votes = 0
         for ray in rays:
-            votes += _crossings(tree, points[i], ray, stack) % 2
-        found[i] = 2 * votes > len(rays)
+            votes += 1 if _crossings(tree, points[i], ray, stack) % 2 else -1
+            if 2 * abs(votes) > len(rays):
+                break
+        found[i] = votes > 0
     return found
 
 
