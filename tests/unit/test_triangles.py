@@ -65,17 +65,22 @@ def test_triangles_without_an_area_do_no_harm() -> None:
     assert found == pytest.approx(nearest_points(triangle_tree(mesh.vertices, mesh.faces), points)[0])
 
 
+@pytest.mark.parametrize("step", [0.001, 0.02, 0.1])
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
-def test_inside_is_inside(seed: int) -> None:
-    points = np.random.default_rng(seed).uniform(-0.1, 0.1, (200, 3))
-    points[:20] *= 0.0  # the middle, whose rays may lead through corners
-    box = SHAPES["box"]
-    found = inside(triangle_tree(box.vertices, box.faces), points, RAYS)
-    assert np.array_equal(found, np.all(np.abs(points) < box.extents / 2, axis=1))
-    mug = SHAPES["mug"]
-    found = inside(triangle_tree(mug.vertices, mug.faces), points, RAYS)
-    across = np.linalg.norm(points[:, :2], axis=1)
+def test_inside_is_inside_however_long_the_steps(step: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.1, 0.1, (1, 20, 3)) + rng.normal(0, step, (50, 20, 3)).cumsum(axis=0)
+    points[:, 0] *= 0.0  # the middle, whose rays may lead through corners
+    box, mug = SHAPES["box"], SHAPES["mug"]
+    assert np.array_equal(found_inside(box, points), np.all(np.abs(points) < box.extents / 2, axis=2))
+    across = np.linalg.norm(points[..., :2], axis=2)
     clear = np.minimum(np.abs(across - 0.03), np.abs(across - 0.034)) > 0.001  # of the facets' sagitta
-    walls = (across > 0.03) & (across < 0.034) & (np.abs(points[:, 2]) < 0.045)
-    assert np.array_equal(found[clear], walls[clear])
+    walls = (across > 0.03) & (across < 0.034) & (np.abs(points[..., 2]) < 0.045)
+    assert np.array_equal(found_inside(mug, points)[clear], walls[clear])
+
+
+def found_inside(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    tree = triangle_tree(mesh.vertices, mesh.faces)
+    distances = np.linalg.norm(points - nearest_points(tree, points)[0], axis=2)
+    return inside(tree, points, distances, RAYS)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import Any, Final
 
 import numpy as np
@@ -56,37 +57,28 @@ class ObjectDistance:
         return self.surface.faces is not None
 
     def nearest(self, points: Array) -> Nearest:
-        """Return distance, nearest point and normal for finite points, shape (..., 3), object frame."""
+        """Return distance, nearest point and normal for finite points, shape (..., n, 3), object frame.
+
+        Points of one path, frame by frame, are found sooner if their frames are the axis before n.
+        """
         if not self.exact:
             distance, index = self.cloud.tree.query(points)
             return Nearest(np.asarray(distance), self.cloud.points[index], self.cloud.normals[index])
         # Frames one after the other, so that the search for one begins where that of the last one ended.
-        steps = points.reshape(-1, *points.shape[-2:]) if points.ndim > 1 else points[None, None]
-        positions, triangles = nearest_points(self._triangles, np.ascontiguousarray(steps))
-        positions, faces = (
-            positions.reshape(points.shape),
-            self._face_normals[triangles].reshape(points.shape),
-        )
-        arms = points - positions
+        steps = np.ascontiguousarray(points.reshape(prod(points.shape[:-2]), *points.shape[-2:]))
+        positions, triangles = nearest_points(self._triangles, steps)
+        arms, faces = steps - positions, self._face_normals[triangles]
         distance = np.linalg.norm(arms, axis=-1)
-        sign = np.where(self.inside(points), -1.0, 1.0)
+        sign = np.ones(distance.shape)
+        if self.surface.watertight:
+            sign[inside(self._triangles, steps, distance, RAYS)] = -1.0
         away = distance[..., None] > TOUCHING
         normals = np.where(away, sign[..., None] * arms / np.where(away, distance[..., None], 1.0), faces)
         if not self.surface.watertight:
             # A sheet has two sides; its normal says which is out, the point asked for does not.
             normals *= np.where(np.sum(normals * faces, axis=-1, keepdims=True) < 0, -1.0, 1.0)
-        return Nearest(sign * distance, positions, normals)
-
-    def inside(self, points: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Return which points lie in a watertight mesh, shape (...); in anything else none does."""
-        found = np.zeros(points.shape[:-1], dtype=bool)
-        if not self.surface.watertight:
-            return found
-        low, high = self.surface.vertices.min(axis=0), self.surface.vertices.max(axis=0)
-        within = np.all((points > low) & (points < high), axis=-1)
-        if within.any():
-            found[within] = inside(self._triangles, points[within], RAYS)
-        return found
+        signed = (sign * distance).reshape(points.shape[:-1])
+        return Nearest(signed, positions.reshape(points.shape), normals.reshape(points.shape))
 
     @cached_property
     def _triangles(self) -> TriangleTree:

@@ -79,7 +79,7 @@ def _moments(
     terms = np.ones(6)
     for i in range(len(across)):
         here, up = grid.points[start + i], normals[start + i]
-        found, near, index = _nearest(grid, here, radius, near, index)
+        found = _nearest(grid, here, radius, near, index)
         for k in range(found):
             other, weight = normals[index[k]], (1 - near[k] / (radius * radius)) ** 2
             if up[0] * other[0] + up[1] * other[1] + up[2] * other[2] <= 0:
@@ -99,22 +99,22 @@ def _moments(
 
 
 @compiled
-def _nearest(
-    grid: Grid, here: Array, radius: float, near: Array, index: NDArray[np.int64]
-) -> tuple[int, Array, NDArray[np.int64]]:
-    """Return how many points are near, their squared distances and their places; arrays grow as needed."""
+def _nearest(grid: Grid, here: Array, radius: float, near: Array, index: NDArray[np.int64]) -> int:
+    """Fill in the squared distances and the places of the nearest points, and return how many there are."""
     rows = np.empty((ROWS, 2), np.int64)
-    found = 0
+    found, furthest = 0, 0
     for row in range(rows_around(grid, here, rows)):
         for j in range(rows[row, 0], rows[row, 1]):
             squared = squared_distance(here, grid.points[j])
-            if squared < radius * radius:
-                if found == len(near):
-                    near, index = np.append(near, near), np.append(index, index)
+            if squared >= radius * radius:
+                continue
+            if found < MOST_NEIGHBOURS:
                 near[found], index[found] = squared, j
                 found += 1
-    if found > MOST_NEIGHBOURS:
-        kept = np.argsort(near[:found])[:MOST_NEIGHBOURS]
-        near[:MOST_NEIGHBOURS], index[:MOST_NEIGHBOURS] = near[kept], index[kept]
-        found = MOST_NEIGHBOURS
-    return found, near, index
+            elif squared < near[furthest]:
+                near[furthest], index[furthest] = squared, j
+            else:
+                continue
+            if found == MOST_NEIGHBOURS:
+                furthest = int(near.argmax())
+    return found

@@ -196,18 +196,51 @@ def _on_triangle(point: Three, corners: Array) -> Three:
 
 
 @compiled
-def inside(tree: TriangleTree, points: Array, rays: Array) -> NDArray[np.bool_]:
-    """Return from which points, shape (n, 3), most of the rays meet an odd number of triangles."""
-    found = np.empty(len(points), np.bool_)
-    stack = np.empty(_DEEPEST, np.int64)
-    for i in range(len(points)):
-        votes = 0
-        for ray in rays:
-            votes += 1 if _crossings(tree, points[i], ray, stack) % 2 else -1
-            if 2 * abs(votes) > len(rays):
-                break
-        found[i] = votes > 0
+def inside(tree: TriangleTree, points: Array, distances: Array, rays: Array) -> NDArray[np.bool_]:
+    """Return which points lie inside a closed mesh: most rays from them meet an odd number of triangles.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        The mesh.
+    points : ndarray, shape (n, k, 3)
+        Points [m], in n steps of k paths.
+    distances : ndarray, shape (n, k)
+        Their distances to the mesh [m].
+    rays : ndarray, shape (r, 3)
+        Directions.
+
+    Returns
+    -------
+    ndarray of bool, shape (n, k)
+    """
+    found = np.zeros(distances.shape, np.bool_)
+    stack, box = np.empty(_DEEPEST, np.int64), tree.boxes[0]
+    for i in range(points.shape[0]):
+        for k in range(points.shape[1]):
+            place = points[i, k]
+            if not _within(place, box):
+                continue
+            if i:
+                # A step shorter than the distance to the surface does not lead through it.
+                step = minus(place, points[i - 1, k])
+                if dot(step, step) < distances[i - 1, k] ** 2:
+                    found[i, k] = found[i - 1, k]
+                    continue
+            votes = 0
+            for ray in rays:
+                votes += 1 if _crossings(tree, place, ray, stack) % 2 else -1
+                if 2 * abs(votes) > len(rays):
+                    break
+            found[i, k] = votes > 0
     return found
+
+
+@compiled
+def _within(place: Array, box: Array) -> bool:
+    x, y, z = place[0], place[1], place[2]
+    low, high = box[0], box[1]
+    return bool(low[0] < x < high[0] and low[1] < y < high[1] and low[2] < z < high[2])
 
 
 @compiled
