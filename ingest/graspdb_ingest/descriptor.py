@@ -33,6 +33,9 @@ PAIRED_POINTS: Final = 256
 PAIR_DISTANCES: Final = (0.002, 0.14)
 """Distances from the spacing of a cloud to the span of a hand [m]; their roots are divided evenly."""
 
+BATCH: Final = 2048
+"""Points described at a time, so that memory stays bounded."""
+
 VERSION: Final = 1
 """Raised when the same feature gets other numbers."""
 
@@ -70,11 +73,14 @@ def describe_features(
 
 def local_features(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the Fourier features of histograms of shape (n, 33), shape (n, 128)."""
-    total = histograms.sum(axis=1, keepdims=True, dtype=np.float64)
-    roots = np.sqrt(np.maximum(histograms, 0) / np.where(total > 0, total, 1.0))
-    frequencies, phases = _fourier(roots.shape[1])
-    features = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
-    return np.asarray(features, dtype=np.float32)
+    frequencies, phases = _fourier(histograms.shape[1])
+    features = np.empty((len(histograms), N_FOURIER), dtype=np.float32)
+    for start in range(0, len(histograms), BATCH):
+        some = histograms[start : start + BATCH]
+        total = some.sum(axis=1, keepdims=True, dtype=np.float64)
+        roots = np.sqrt(np.maximum(some, 0) / np.where(total > 0, total, 1.0))
+        features[start : start + BATCH] = np.sqrt(2 / N_FOURIER) * np.cos(roots @ frequencies + phases)
+    return features
 
 
 @cache

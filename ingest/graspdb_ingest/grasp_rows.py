@@ -6,14 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from graspdb_ingest.bounding import box_volume, ellipsoid_volume, sphere_volume
 from graspdb_ingest.contact import Contacts
-from graspdb_ingest.enclosure import (
-    EnclosingSpace,
-    box_volume,
-    ellipsoid_volume,
-    enclosing_space,
-    sphere_volume,
-)
+from graspdb_ingest.enclosure import EnclosingSpace, enclosing_space
 from graspdb_ingest.events import Hold
 from graspdb_ingest.feature import GraspableFeature, graspable_feature
 from graspdb_ingest.feature_shape import FeatureShape, feature_shape

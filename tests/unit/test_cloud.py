@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from graspdb_ingest.objects.cloud import ObjectCloud, sample_cloud
 from graspdb_ingest.objects.mesh import Surface
+from graspdb_ingest.objects.scatter import thin
 from graspdb_ingest.parameters import CloudParameters
 from graspdb_schemas.errors import ParameterError
 
@@ -211,3 +212,18 @@ def test_the_normals_of_the_file_are_kept() -> None:
 def test_a_cloud_thinned_to_nothing_is_an_error() -> None:
     with pytest.raises(ParameterError, match=r"cloud\.spacing"):
         sample_cloud(bare(on_sphere(100, 0.005)), CloudParameters(spacing=0.5))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_a_point_stays_unless_one_before_it_is_near_and_on_its_side(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0, 1, (200, 3))
+    normals = rng.choice([-1.0, 1.0], 200)[:, None] * [0.0, 0.0, 1.0]
+    turns = np.argsort(np.random.default_rng(seed).permutation(200))
+    chosen: list[int] = []
+    for i in turns:
+        near = np.linalg.norm(points[chosen] - points[i], axis=1) <= 0.2
+        if not (near & (normals[chosen] @ normals[i] > 0)).any():
+            chosen.append(i)
+    assert thin(points, normals, 0.2, np.random.default_rng(seed)).tolist() == sorted(chosen)

@@ -7,12 +7,10 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from graspdb_ingest.bounding import box_volume, ellipsoid_volume, sphere_volume
 from graspdb_ingest.enclosure import (
-    box_volume,
-    ellipsoid_volume,
     enclosing_space,
     sphere_vertices,
-    sphere_volume,
 )
 
 BALL = 4 / 3 * np.pi

@@ -1,6 +1,7 @@
 """Point feature histograms: the same for the same surface, wherever and whenever it is."""
 
 import numpy as np
+import open3d
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
@@ -22,6 +23,15 @@ def test_each_of_three_histograms_is_complete() -> None:
     assert features.dtype == np.float32
     # A point's own histogram and the weighted mean of its neighbours' hold 100 each.
     assert features.reshape(-1, 3, 11).sum(axis=2) == pytest.approx(200, rel=1e-4)
+
+
+def test_histograms_are_those_of_open3d() -> None:
+    cloud = torus()
+    points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud.points))
+    points.normals = open3d.utility.Vector3dVector(cloud.normals)
+    search = open3d.geometry.KDTreeSearchParamRadius(0.01)
+    expected = open3d.pipelines.registration.compute_fpfh_feature(points, search).data.T
+    assert fpfh(cloud, 0.01) == pytest.approx(expected, abs=1e-4)
 
 
 def test_twice_gives_the_same_bits() -> None:

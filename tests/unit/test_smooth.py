@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from graspdb_ingest.objects.smooth import smoothed
+from graspdb_ingest.objects.smooth import MOST_NEIGHBOURS, PASSES, smoothed
 
 RADIUS, NOISE = 0.008, 0.0005
 
@@ -59,3 +60,32 @@ def test_it_moves_with_the_cloud():
     there, turned = smoothed(turn.apply(points) + shift, turn.apply(normals), RADIUS)
     assert np.allclose(there, turn.apply(here) + shift, atol=1e-9)
     assert np.allclose(turned, turn.apply(up), atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [800, 8000])  # some 14 and some 140 points within the radius
+def test_points_lie_on_quadrics_through_their_nearest_neighbours(n):
+    points, normals = sphere(n)
+    points = points + np.random.default_rng(3).normal(size=points.shape) * NOISE
+    expected, up = points, normals
+    for _ in range(PASSES):
+        expected, up = (np.array(a) for a in zip(*fitted(expected, up), strict=True))
+    moved, turned = smoothed(points, normals, RADIUS)
+    assert np.allclose(moved, expected, atol=1e-12)
+    assert np.allclose(turned, up, atol=1e-9)
+
+
+def fitted(points, normals):
+    """Yield each point on the quadric of least squares through its neighbours, and the normal there."""
+    distances, neighbours = cKDTree(points).query(points, k=MOST_NEIGHBOURS)
+    for point, up, near, index in zip(points, normals, distances, neighbours, strict=True):
+        own = index[near < RADIUS]
+        own = own[normals[own] @ up > 0]
+        axes = np.linalg.svd(up[None])[2][1:]
+        arms = (points[own] - point) / RADIUS
+        x, y = axes @ arms.T
+        root = 1 - np.sum(arms**2, axis=1)
+        terms = root * np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+        stiff = np.diag([0, 0, 0, 1e-3, 5e-4, 1e-3])
+        fit = np.linalg.solve(terms @ terms.T + stiff, terms @ (root * (arms @ up)))
+        normal = up - fit[1:3] @ axes
+        yield point + RADIUS * fit[0] * up, normal / np.linalg.norm(normal)

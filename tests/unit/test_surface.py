@@ -92,6 +92,22 @@ def test_a_capsule_of_one_radius_is_a_cylinder_with_round_ends() -> None:
     assert found.weights[:, 0] == pytest.approx([0.5, 0, 1, 0.75])
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_nearest_of_many_shapes_is_so_of_all_one_by_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    centres, radii = rng.uniform(-0.1, 0.1, (40, 3)), rng.uniform(0.002, 0.03, 40)
+    shapes = rng.integers(0, 40, (50, 3))
+    shapes[:10, 1:], shapes[10:30, 2] = shapes[:10, :1], shapes[10:30, 1]
+    points = rng.uniform(-0.2, 0.2, (100, 3))
+    found = rounded_distances(points, centres, radii, shapes)
+    alone = [rounded_distances(points, centres, radii, shape[None]).distance for shape in shapes]
+    assert np.array_equal(found.distance, np.min(alone, axis=0))
+    corners = shapes[found.shape]
+    nearest = np.einsum("nk,nki->ni", found.weights, centres[corners])
+    radius = np.sum(found.weights * radii[corners], axis=1)
+    assert np.linalg.norm(points - nearest, axis=1) - radius == pytest.approx(found.distance, abs=1e-12)
+
+
 # The surfaces of a hand.
 
 

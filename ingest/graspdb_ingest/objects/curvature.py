@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from graspdb_ingest.compiled import compiled
+from graspdb_ingest.objects.grid import ROWS, Grid, make_grid, rows_around, squared_distance
 from graspdb_ingest.rigid import Array
 
 REACH: Final = 0.006
@@ -35,27 +35,68 @@ def principal_curvatures(points: Array, normals: Array, spacing: float) -> Array
         Curvatures, the one of greater magnitude first [1/m]; positive where the surface is convex, zero
         where too few neighbours tell.
     """
-    pairs = cKDTree(points).query_pairs(max(REACH, 3 * spacing), output_type="ndarray")
-    facing = np.einsum("ei,ei->e", normals[pairs[:, 0]], normals[pairs[:, 1]]) > LEAST_FACING
-    kept, own = pairs[facing], np.arange(len(points))
-    here = np.concatenate([kept[:, 0], kept[:, 1], own])
-    there = np.concatenate([kept[:, 1], kept[:, 0], own])
-    count = np.bincount(here, minlength=len(points))[:, None]
-    mean_normal = _sums(here, normals[there], len(points)) / count
-    centroid = _sums(here, points[there], len(points)) / count
-    frames = _tangents(mean_normal)[here]
-    along = np.einsum("eij,ej->ei", frames, points[there] - centroid[here])
-    turned = np.einsum("eij,ej->ei", frames, normals[there])
-    spread = _sums(here, (along[:, :, None] * along[:, None, :]).reshape(-1, 4), len(points)).reshape(
-        -1, 2, 2
-    )
-    bend = _sums(here, (turned[:, :, None] * along[:, None, :]).reshape(-1, 4), len(points)).reshape(-1, 2, 2)
-    return _eigenvalues(spread, bend)
+    radius = max(REACH, 3 * spacing)
+    grid = make_grid(points, radius)
+    sorted_normals = np.ascontiguousarray(normals[grid.order])
+    mean_normals, centroids = _means(grid, sorted_normals, radius)
+    spread, bend = _moments(grid, sorted_normals, _tangents(mean_normals), centroids, radius)
+    curvatures = np.empty((len(points), 2))
+    curvatures[grid.order] = _eigenvalues(spread, bend)
+    return curvatures
 
 
-def _sums(groups: NDArray[np.int64], values: Array, n: int) -> Array:
-    """Return the sums of rows of values by group, shape (n, columns)."""
-    return np.column_stack([np.bincount(groups, column, minlength=n) for column in values.T])
+@compiled
+def _means(grid: Grid, normals: Array, radius: float) -> tuple[Array, Array]:
+    """Return mean normal and mean position of each point and its neighbours, in the order of the grid."""
+    mean_normals, centroids = np.zeros_like(normals), np.zeros_like(normals)
+    rows = np.empty((ROWS, 2), np.int64)
+    for i in range(len(normals)):
+        count = 0
+        for row in range(rows_around(grid, grid.points[i], rows)):
+            for j in range(rows[row, 0], rows[row, 1]):
+                if _beside(grid, normals, i, j, radius):
+                    count += 1
+                    for axis in range(3):
+                        mean_normals[i, axis] += normals[j, axis]
+                        centroids[i, axis] += grid.points[j, axis]
+        mean_normals[i] /= count
+        centroids[i] /= count
+    return mean_normals, centroids
+
+
+@compiled
+def _moments(
+    grid: Grid, normals: Array, frames: Array, centroids: Array, radius: float
+) -> tuple[Array, Array]:
+    """Return sums over neighbours of position and of normal times position, both across, shape (n, 2, 2)."""
+    spread, bend = np.zeros((len(normals), 2, 2)), np.zeros((len(normals), 2, 2))
+    rows, along, turned = np.empty((ROWS, 2), np.int64), np.empty(2), np.empty(2)
+    for i in range(len(normals)):
+        for row in range(rows_around(grid, grid.points[i], rows)):
+            for j in range(rows[row, 0], rows[row, 1]):
+                if not _beside(grid, normals, i, j, radius):
+                    continue
+                along[:], turned[:] = 0.0, 0.0
+                for a in range(2):
+                    for axis in range(3):
+                        along[a] += frames[i, a, axis] * (grid.points[j, axis] - centroids[i, axis])
+                        turned[a] += frames[i, a, axis] * normals[j, axis]
+                for a in range(2):
+                    for b in range(2):
+                        spread[i, a, b] += along[a] * along[b]
+                        bend[i, a, b] += turned[a] * along[b]
+    return spread, bend
+
+
+@compiled
+def _beside(grid: Grid, normals: Array, i: int, j: int, radius: float) -> bool:
+    """Return whether a point is near to another, on the same side of a wall, or is that point itself."""
+    if i == j:
+        return True
+    if squared_distance(grid.points[i], grid.points[j]) > radius * radius:
+        return False
+    facing = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
+    return bool(facing > LEAST_FACING)
 
 
 def _tangents(normals: Array) -> Array:

@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from graspdb_ingest.compiled import compiled
+from graspdb_ingest.objects.grid import ROWS, Grid, make_grid, rows_around, squared_distance
 from graspdb_ingest.rigid import Array
 
 ROUNDS: Final = 4
@@ -69,12 +70,12 @@ def scatter(vertices: Array, faces: NDArray[np.int64], distance: float, seed: in
     for _ in range(ROUNDS):
         darts, hit = _throw(corners, running, n_darts, rng)
         thrown.append((darts, directions[hit]))
-        free = _uncovered(darts, directions[hit], points, normals, distance)
+        free = _owners(darts, directions[hit], points, normals, distance) < 0
         new, new_normals = darts[free], directions[hit][free]
         kept = thin(new, new_normals, distance, rng)
         points, normals = np.concatenate((points, new[kept])), np.concatenate((normals, new_normals[kept]))
     darts, dart_normals = (np.concatenate(parts) for parts in zip(*thrown, strict=True))
-    owners = _owners(darts, dart_normals, points, normals)
+    owners = _owners(darts, dart_normals, points, normals, distance)
     counts = np.bincount(owners, minlength=len(points))
     return Scatter(points, normals, counts * (running[-1] / len(darts)))
 
@@ -98,22 +99,27 @@ def thin(points: Array, normals: Array, distance: float, rng: np.random.Generato
     ndarray of int
         Indices of the chosen points, ascending.
     """
-    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
-    pairs = pairs[_same_side(normals[pairs[:, 0]], normals[pairs[:, 1]])]
-    order = rng.permutation(len(points))
-    later_first = order[pairs[:, 0]] > order[pairs[:, 1]]
-    pairs[later_first] = pairs[later_first, ::-1]
-    kept = np.zeros(len(points), dtype=bool)
-    open_ = np.ones(len(points), dtype=bool)
-    while open_.any():
-        beaten = np.zeros(len(points), dtype=bool)
-        beaten[pairs[:, 1]] = True
-        won = open_ & ~beaten
-        kept |= won
-        open_ &= beaten
-        open_[pairs[won[pairs[:, 0]], 1]] = False
-        pairs = pairs[open_[pairs].all(axis=1)]
-    return np.flatnonzero(kept)
+    grid = make_grid(points, distance)
+    sorted_normals = np.ascontiguousarray(normals[grid.order])
+    turns = np.argsort(rng.permutation(len(points))[grid.order])
+    return np.sort(grid.order[_first_come(grid, sorted_normals, turns, distance)])
+
+
+@compiled
+def _first_come(grid: Grid, normals: Array, turns: NDArray[np.int64], distance: float) -> NDArray[np.bool_]:
+    """Return which points stay, where each that still stands when its turn comes removes its rivals."""
+    kept, stands = np.zeros(len(turns), np.bool_), np.ones(len(turns), np.bool_)
+    rows = np.empty((ROWS, 2), np.int64)
+    for i in turns:
+        if not stands[i]:
+            continue
+        kept[i] = True
+        for row in range(rows_around(grid, grid.points[i], rows)):
+            for j in range(rows[row, 0], rows[row, 1]):
+                near = squared_distance(grid.points[i], grid.points[j]) <= distance * distance
+                if near and _same_side(normals[i], normals[j]):
+                    stands[j] = False
+    return kept
 
 
 def _throw(
@@ -129,37 +135,32 @@ def _throw(
     return np.einsum("nk,nki->ni", weights, corners[hit]), hit
 
 
-def _same_side(normals: Array, others: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.einsum("...i,...i->...", normals, others) > _OPPOSED)
-
-
-def _uncovered(
+def _owners(
     darts: Array, dart_normals: Array, points: Array, normals: Array, distance: float
-) -> NDArray[np.bool_]:
-    """Return which darts have no point of their side within the distance."""
-    if not len(points):
-        return np.ones(len(darts), dtype=bool)
-    tree = cKDTree(points)
-    uncovered = np.ones(len(darts), dtype=bool)
-    undecided = np.arange(len(darts))
-    for n_nearest in (4, 16, 64):  # more only where all of the nearest lie on the other side
-        near, index = tree.query(darts[undecided], k=range(1, n_nearest + 1), distance_upper_bound=distance)
-        found = np.isfinite(near)
-        same = _same_side(dart_normals[undecided, None], normals[np.where(found, index, 0)]) & found
-        uncovered[undecided] = ~same.any(axis=1)
-        undecided = undecided[found.all(axis=1) & ~same.any(axis=1)]
-        if not len(undecided):
-            break
-    return uncovered
+) -> NDArray[np.int64]:
+    """Return for each dart the nearest point of its side within the distance, or -1."""
+    grid = make_grid(points, distance)
+    places = _nearest_of_side(darts, dart_normals, grid, normals[grid.order], distance)
+    return np.append(grid.order, -1)[places]
 
 
-def _owners(darts: Array, dart_normals: Array, points: Array, normals: Array) -> NDArray[np.int64]:
-    """Return for each dart the nearest point of its side, or the nearest of all where none is near."""
-    tree = cKDTree(points)
-    owners = np.asarray(tree.query(darts)[1], dtype=np.int64)
-    crossed = np.flatnonzero(~_same_side(dart_normals, normals[owners]))
-    if len(crossed):
-        nearest = np.asarray(tree.query(darts[crossed], k=range(1, min(8, len(points)) + 1))[1])
-        first = _same_side(dart_normals[crossed, None], normals[nearest]).argmax(axis=1)
-        owners[crossed] = nearest[np.arange(len(crossed)), first]
-    return owners
+@compiled
+def _same_side(normal: Array, other: Array) -> bool:
+    return bool(normal[0] * other[0] + normal[1] * other[1] + normal[2] * other[2] > _OPPOSED)
+
+
+@compiled
+def _nearest_of_side(
+    darts: Array, dart_normals: Array, grid: Grid, normals: Array, distance: float
+) -> NDArray[np.int64]:
+    """Return the place in a grid of the nearest point of each dart's side within a distance, or -1."""
+    nearest = np.full(len(darts), -1)
+    rows = np.empty((ROWS, 2), np.int64)
+    for i in range(len(darts)):
+        least = distance * distance
+        for row in range(rows_around(grid, darts[i], rows)):
+            for j in range(rows[row, 0], rows[row, 1]):
+                squared = squared_distance(darts[i], grid.points[j])
+                if squared <= least and _same_side(dart_normals[i], normals[j]):
+                    nearest[i], least = j, squared
+    return nearest

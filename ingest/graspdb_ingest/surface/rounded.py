@@ -7,17 +7,15 @@ least ``||p - c|| - r`` over them, and has a closed form.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from graspdb_ingest.compiled import compiled
 from graspdb_ingest.hand.model import Floats
+from graspdb_ingest.vectors import cross, dot, minus
 
 Integers = NDArray[np.int64]
-
-POINTS_AT_ONCE: Final = 2048
-"""Points that are compared with all shapes together, to bound the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,28 +52,11 @@ def rounded_distances(points: Floats, centres: Floats, radii: Floats, shapes: In
         Corners of each shape: three for a wedge, with the last one repeated for a cone-sphere, and
         one thrice for a sphere.
     """
-    parts = [
-        _some_distances(points[start : start + POINTS_AT_ONCE], centres, radii, shapes)
-        for start in range(0, max(len(points), 1), POINTS_AT_ONCE)
-    ]
-    return Distances(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def _some_distances(
-    points: Floats, centres: Floats, radii: Floats, shapes: Integers
-) -> tuple[Floats, Integers, Floats]:
-    weights = nearest_weights(points[:, None], centres[shapes], radii[shapes])
-    distance = sphere_distance(points[:, None], weights, centres[shapes], radii[shapes])
-    best = distance.argmin(axis=1)
-    rows = np.arange(len(points))
-    return distance[rows, best], best, weights[rows, best]
-
-
-def sphere_distance(points: Floats, weights: Floats, corners: Floats, radii: Floats) -> Floats:
-    """Return ``||p - c|| - r`` for the spheres at barycentric places of shapes, shape (...)."""
-    centre = np.einsum("...k,...ki->...i", weights, corners)
-    radius = np.sum(weights * radii, axis=-1)
-    return np.asarray(np.linalg.norm(points - centre, axis=-1) - radius)
+    # A shape lies in a ball, so it is no nearer to a point than that.
+    corners, corner_radii = centres[shapes], radii[shapes]
+    middles = corners.mean(axis=1)
+    reaches = (np.linalg.norm(corners - middles[:, None], axis=2) + corner_radii).max(axis=1)
+    return Distances(*_nearest(np.ascontiguousarray(points), corners, corner_radii, middles, reaches))
 
 
 def nearest_weights(points: Floats, corners: Floats, radii: Floats) -> Floats:
@@ -83,85 +64,132 @@ def nearest_weights(points: Floats, corners: Floats, radii: Floats) -> Floats:
 
     Parameters
     ----------
-    points : ndarray, shape (..., 3)
-        Points [m].
-    corners : ndarray, shape (..., 3, 3)
+    points : ndarray, shape (n, 3)
+        Points [m], each with a shape of its own.
+    corners : ndarray, shape (n, 3, 3)
         Centres at the corners of the shapes [m].
-    radii : ndarray, shape (..., 3)
+    radii : ndarray, shape (n, 3)
         Radii there [m].
 
     Returns
     -------
-    ndarray, shape (..., 3)
+    ndarray, shape (n, 3)
         Weights that sum to one.
     """
-    shape = np.broadcast_shapes(points.shape[:-1], corners.shape[:-2])
-    best = np.zeros((*shape, 3))
-    best[..., 0] = 1.0
+    return _nearest_of_each(*(np.ascontiguousarray(values) for values in (points, corners, radii)))
+
+
+@compiled
+def _nearest(
+    points: Floats, corners: Floats, radii: Floats, middles: Floats, reaches: Floats
+) -> tuple[Floats, Integers, Floats]:
+    """Return distance, shape and weights of each point; each shape lies in a ball of a middle and a reach."""
+    distance, shape = np.empty(len(points)), np.empty(len(points), np.int64)
+    weights, tried = np.empty((len(points), 3)), np.empty(3)
+    least = np.empty(len(corners))
+    for i in range(len(points)):
+        first = 0
+        for j in range(len(corners)):
+            arm = minus(points[i], middles[j])
+            least[j] = np.sqrt(dot(arm, arm)) - reaches[j]
+            if least[j] < least[first]:
+                first = j
+        shape[i] = first
+        distance[i] = _nearest_sphere(points[i], corners[first], radii[first], weights[i])
+        for j in range(len(corners)):
+            if j != first and least[j] < distance[i]:
+                there = _nearest_sphere(points[i], corners[j], radii[j], tried)
+                if there < distance[i]:
+                    distance[i], shape[i], weights[i, :] = there, j, tried
+    return distance, shape, weights
+
+
+@compiled
+def _nearest_of_each(points: Floats, corners: Floats, radii: Floats) -> Floats:
+    weights = np.empty((len(points), 3))
+    for i in range(len(points)):
+        _nearest_sphere(points[i], corners[i], radii[i], weights[i])
+    return weights
+
+
+@compiled
+def _nearest_sphere(point: Floats, corners: Floats, radii: Floats, weights: Floats) -> float:
+    """Write the place of the sphere of one shape that is nearest to a point, and return its distance."""
+    a, b, c = corners[0], corners[1], corners[2]
+    share = _along_edge(point, a, b, radii[0], radii[1])
+    weights[0], weights[1], weights[2] = 1 - share, share, 0.0
+    least = _sphere_distance(point, corners, radii, weights[0], weights[1], weights[2])
     # A cone-sphere repeats its last corner: its one edge says it all.
-    flat = np.all(corners[..., 1, :] == corners[..., 2, :], axis=-1)
-    least = np.full(shape, np.inf)
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        share = _along_edge(
-            points, corners[..., first, :], corners[..., second, :], radii[..., first], radii[..., second]
-        )
-        weights = np.zeros((*shape, 3))
-        weights[..., first], weights[..., second] = 1 - share, share
-        distance = sphere_distance(points, weights, corners, radii)
-        nearer = (distance < least) & ((first == 0) | ~flat)
-        best[nearer], least[nearer] = weights[nearer], distance[nearer]
-    inner, valid = _in_triangle(points, corners, radii)
-    distance = np.where(valid, sphere_distance(points, inner, corners, radii), np.inf)
-    nearer = distance < least
-    best[nearer] = inner[nearer]
-    return best
+    if b[0] == c[0] and b[1] == c[1] and b[2] == c[2]:
+        return least
+    along_second = _along_edge(point, b, c, radii[1], radii[2])
+    along_third = _along_edge(point, c, a, radii[2], radii[0])
+    u, v = _in_triangle(point, corners, radii)
+    for x, y, z in (
+        (0.0, 1 - along_second, along_second),
+        (along_third, 0.0, 1 - along_third),
+        (1 - u - v, u, v),
+    ):
+        # Outside the triangle, or where it has no such place, a weight is negative or NaN.
+        if x >= 0 and y >= 0 and z >= 0:
+            distance = _sphere_distance(point, corners, radii, x, y, z)
+            if distance < least:
+                least = distance
+                weights[0], weights[1], weights[2] = x, y, z
+    return least
 
 
-def _along_edge(
-    points: Floats, start: Floats, end: Floats, start_radius: Floats, end_radius: Floats
-) -> Floats:
-    """Return how far from start to end the nearest sphere lies, as a share, shape (...).
+@compiled
+def _sphere_distance(point: Floats, corners: Floats, radii: Floats, x: float, y: float, z: float) -> float:
+    """Return ``||p - c|| - r`` for the sphere at a barycentric place."""
+    squared = 0.0
+    for i in range(3):
+        arm = point[i] - (x * corners[0, i] + y * corners[1, i] + z * corners[2, i])
+        squared += arm * arm
+    return float(np.sqrt(squared) - (x * radii[0] + y * radii[1] + z * radii[2]))
+
+
+@compiled
+def _along_edge(point: Floats, start: Floats, end: Floats, start_radius: float, end_radius: float) -> float:
+    """Return how far from start to end the nearest sphere lies, as a share.
 
     ``||p - c(t)|| - r(t)`` is convex in t; its slope is zero where the line from the point to the
     centre leans by the taper.
     """
-    axis = end - start
-    squared = np.sum(axis * axis, axis=-1)
-    length = np.sqrt(squared)
-    safe = np.where(length > 0, length, 1.0)
-    along = np.sum((points - start) * axis, axis=-1) / safe
-    aside = np.sqrt(np.maximum(np.sum((points - start) ** 2, axis=-1) - along**2, 0.0))
-    taper = np.broadcast_to((end_radius - start_radius) / safe, along.shape)
+    axis, arm = minus(end, start), minus(point, start)
+    length = np.sqrt(dot(axis, axis))
+    if length == 0:
+        return 0.0
+    taper = (end_radius - start_radius) / length
     # One sphere holds the other where the taper is steeper than one: then the larger one is all there is.
-    inside = np.abs(taper) >= 1
-    lean = taper / np.sqrt(np.maximum(1 - np.minimum(taper**2, 1.0), 1e-12))
-    share = np.clip((along + aside * lean) / safe, 0.0, 1.0)
-    share = np.where(inside, np.where(taper > 0, 1.0, 0.0), share)
-    return np.asarray(np.where(length > 0, share, 0.0))
+    if abs(taper) >= 1:
+        return 1.0 if taper > 0 else 0.0
+    along = dot(arm, axis) / length
+    aside = np.sqrt(max(dot(arm, arm) - along**2, 0.0))
+    lean = taper / np.sqrt(max(1 - taper**2, 1e-12))
+    return float(min(max((along + aside * lean) / length, 0.0), 1.0))
 
 
-def _in_triangle(points: Floats, corners: Floats, radii: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return where the slope of the distance is zero in a triangle's plane, and whether that lies inside."""
-    origin = corners[..., 0, :]
-    first, second = corners[..., 1, :] - origin, corners[..., 2, :] - origin
-    normal = np.cross(first, second)
-    doubled = np.linalg.norm(normal, axis=-1)
-    whole = doubled > 1e-12
-    normal = normal / np.where(whole, doubled, 1.0)[..., None]
-    aa, ab, bb = (np.sum(u * v, axis=-1) for u, v in ((first, first), (first, second), (second, second)))
-    determinant = np.where(whole, aa * bb - ab**2, 1.0)
-    rise = radii[..., 1:] - radii[..., :1]
+@compiled
+def _in_triangle(point: Floats, corners: Floats, radii: Floats) -> tuple[float, float]:
+    """Return the weights of the last two corners where the slope of the distance is zero in their plane.
+
+    They may lie outside the triangle, and are NaN where there is no such place.
+    """
+    first, second = minus(corners[1], corners[0]), minus(corners[2], corners[0])
+    normal = cross(first, second)
+    doubled = np.sqrt(dot(normal, normal))
+    if doubled <= 1e-12:
+        return np.nan, np.nan
+    aa, ab, bb = dot(first, first), dot(first, second), dot(second, second)
+    determinant = aa * bb - ab**2
     # The gradient of the radius in the plane.
-    gradient = ((bb * rise[..., 0] - ab * rise[..., 1]) / determinant)[..., None] * first + (
-        (aa * rise[..., 1] - ab * rise[..., 0]) / determinant
-    )[..., None] * second
-    steep = np.sum(gradient**2, axis=-1)
-    arm = points - origin
-    height = np.abs(np.sum(arm * normal, axis=-1))
-    away = height / np.sqrt(np.maximum(1 - steep, 1e-12))
-    place = arm + gradient * away[..., None]
-    pa, pb = np.sum(place * first, axis=-1), np.sum(place * second, axis=-1)
-    u, v = (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
-    weights = np.stack([1 - u - v, u, v], axis=-1)
-    valid = whole & (steep < 1) & (weights >= 0).all(axis=-1)
-    return np.where(valid[..., None], weights, 0.0), np.asarray(valid)
+    rise, climb = radii[1] - radii[0], radii[2] - radii[0]
+    along_first, along_second = (bb * rise - ab * climb) / determinant, (aa * climb - ab * rise) / determinant
+    steep = along_first * rise + along_second * climb
+    if steep >= 1:
+        return np.nan, np.nan
+    arm = minus(point, corners[0])
+    away = abs(dot(arm, normal)) / doubled / np.sqrt(max(1 - steep, 1e-12))
+    pa, pb = dot(arm, first) + away * rise, dot(arm, second) + away * climb
+    return (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
