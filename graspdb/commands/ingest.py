@@ -104,8 +104,10 @@ def run_with_progress(
     """Ingest a session with a progress bar on standard error."""
     from graspdb.ingestion import ingest
     from graspdb_ingest.parameters import ContactParameters, IngestParameters
+    from graspdb_ingest.tracking.following import is_compiled
 
-    with progress_bar(f"{session}: preparing") as advance:
+    first = "preparing" if is_compiled() else "compiling for this machine, once (about a minute)"
+    with progress_bar(f"{session}: {first}") as advance:
         return ingest(
             session,
             db,

@@ -27,6 +27,12 @@ def compiled(function: Function) -> Function:
     return cast(Function, dispatcher)
 
 
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Return whether a compiled function's machine code is there from an earlier process."""
+    cache = cast(Any, function)._cache
+    return isinstance(cache, _PackageCache) and cache.holds_any()
+
+
 class _PackageCache(FunctionCache):
     """Numba's cache, but no machine code outlives a change of any compiled function of the package.
 
@@ -40,6 +46,10 @@ class _PackageCache(FunctionCache):
             filename_base=self._impl.filename_base,
             source_stamp=source_stamp(PACKAGE),
         )
+
+    def holds_any(self) -> bool:
+        """Return whether anything is kept, and not out of date."""
+        return bool(self._cache_file._load_index())  # type: ignore[no-untyped-call]
 
 
 @cache

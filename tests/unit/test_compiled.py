@@ -1,6 +1,19 @@
 """Kept machine code: when it is used again, and when it is not."""
 
+import subprocess
+import sys
+
 from graspdb_ingest.compiled import source_stamp
+
+PROGRAM = """
+from graspdb_ingest.compiled import compiled, is_kept
+
+@compiled
+def one_more(x):
+    return x + 1
+
+print(is_kept(one_more), one_more(1))
+"""
 
 
 def stamp(folder):
@@ -24,3 +37,9 @@ def test_other_modules_do_not_count(tmp_path):
     before = stamp(tmp_path)
     (tmp_path / "other.py").write_text("def plain(): return 1\n")
     assert stamp(tmp_path) == before
+
+
+def test_machine_code_is_kept_for_the_next_process(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM)
+    runs = [subprocess.run([sys.executable, tmp_path / "program.py"], capture_output=True) for _ in range(2)]
+    assert [run.stdout.split() for run in runs] == [[b"False", b"2"], [b"True", b"2"]]

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from graspdb_ingest.compiled import compiled
+from graspdb_ingest.compiled import compiled, is_kept
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior
@@ -190,6 +190,11 @@ def _advance(
         copy_matrix(blocks[block], known.blocks[block])
     known.counts[0], known.counts[1] = doubtful, unseen
     return len(markers)
+
+
+def is_compiled() -> bool:
+    """Return whether tracking's machine code is there already; else its first frame takes half a minute."""
+    return is_kept(_advance)
 
 
 def make_follower(
