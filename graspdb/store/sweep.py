@@ -8,11 +8,11 @@ import pyarrow.compute as pc
 from deltalake import CommitProperties, DeltaTable, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
-from graspdb.store.commit import quoted
 from graspdb.store.fence import SWEEP, Patience, commit_properties, generation
 from graspdb.store.layout import first_line
 from graspdb.store.location import Location, open_parquet
 from graspdb.store.lock import writing
+from graspdb.store.open_tables import quoted
 from graspdb.store.snapshot import CommittedIds, committed_ids, table_files
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import TABLES
