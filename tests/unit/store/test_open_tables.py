@@ -1,5 +1,6 @@
 """A writer that keeps its tables open sees what others write, and reads nothing that it wrote itself."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -52,5 +53,5 @@ def test_tables_are_opened_anew_when_their_log_has_a_checkpoint(
     for number in range(6):
         assert store.commit_trial(trial_tables(number)).outcome == Outcome.ADDED
         opened.append(store._tables["frames"])
-    changes = [a is not b for a, b in zip(opened, opened[1:], strict=False)]
+    changes = [before is not after for before, after in pairwise(opened)]
     assert changes == [False, False, False, True, False, False]
