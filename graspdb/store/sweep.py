@@ -51,7 +51,7 @@ def sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
 def _sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     found = {name: _ingest_ids(root, name, tables[name]) for name in TABLES if name != "trials"}
     tables["trials"].update_incremental()
-    if not any(len(ids) for ids in _dead(found, committed_ids(tables["trials"])).values()):
+    if not any(len(ids) for ids in _dead(found, committed_ids(root, tables["trials"])).values()):
         return {}
     committed = _bar_unfinished(root, tables["trials"])
     number = generation(tables["trials"])
@@ -84,7 +84,7 @@ def _bar_unfinished(root: Location, trials: DeltaTable) -> CommittedIds:
     """Commit a sweep to `trials`, and return what is committed at that version."""
     patience = Patience(root)
     while True:
-        committed = committed_ids(trials)
+        committed = committed_ids(root, trials)
         try:
             write_deltalake(
                 trials,

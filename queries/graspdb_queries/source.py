@@ -17,6 +17,8 @@ class TableSource:
     ----------
     files : tuple of str
         Parquet files of which every row counts.
+    n_rows : tuple of int
+        Rows of each of `files`.
     mixed_files : tuple of str
         Parquet files of which only the rows count whose ``ingest_id`` is in `committed`.
     committed : pyarrow.Array of string
@@ -26,6 +28,7 @@ class TableSource:
     """
 
     files: tuple[str, ...] = ()
+    n_rows: tuple[int, ...] = ()
     mixed_files: tuple[str, ...] = ()
     committed: pa.Array = field(default_factory=_none)
     may_lack_columns: bool = False
