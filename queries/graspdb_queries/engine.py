@@ -15,7 +15,7 @@ import pyarrow as pa
 from graspdb_queries.explain import NOT_A_QUERY, query_error
 from graspdb_queries.object_storage import read_through
 from graspdb_queries.result import Result
-from graspdb_queries.source import TableSource
+from graspdb_queries.source import TableSource, files_of
 from graspdb_queries.views import build_database
 from graspdb_schemas.errors import ParameterError, QueryError, nearest
 
@@ -59,7 +59,7 @@ class Engine:
             },
         )
         try:
-            read_through(self._connection, _files(sources))
+            read_through(self._connection, files_of(sources))
             build_database(self._connection, sources)
             self._lock(sources)
         except duckdb.Error as error:
@@ -122,7 +122,7 @@ class Engine:
         """Leave the snapshot's files as the only ones that can be opened, for good."""
         # The files of a snapshot never change, so their footers are read once.
         self._connection.execute("SET parquet_metadata_cache = true")
-        self._connection.execute("SET allowed_paths = $files", {"files": _files(sources)})
+        self._connection.execute("SET allowed_paths = $files", {"files": files_of(sources)})
         self._connection.execute("SET enable_external_access = false")
         self._connection.execute("SET lock_configuration = true")
 
@@ -221,10 +221,6 @@ def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> 
             cursor.interrupt()
             helper.join(_GLANCE)
         raise
-
-
-def _files(sources: Mapping[str, TableSource]) -> list[str]:
-    return [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
 
 
 def _kind(statement: duckdb.Statement) -> duckdb.StatementType | None:

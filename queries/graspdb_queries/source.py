@@ -1,5 +1,6 @@
 """What the engine is told about a table: which files to read, and which rows of them count."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import pyarrow as pa
@@ -32,3 +33,8 @@ class TableSource:
     mixed_files: tuple[str, ...] = ()
     committed: pa.Array = field(default_factory=_none)
     may_lack_columns: bool = False
+
+
+def files_of(sources: Mapping[str, TableSource]) -> list[str]:
+    """Return all files of a snapshot."""
+    return [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
