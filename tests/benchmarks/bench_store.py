@@ -14,7 +14,7 @@ from graspdb.store import Store
 
 FEW, MANY, VERY_MANY = 10, 10_000, 100_000
 REPEATS = 15
-UNCHANGED, RATE = 50, 120.0
+UNCHANGED, RATE = 100, 120.0
 
 
 @benchmark("add a trial")
