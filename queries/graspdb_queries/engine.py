@@ -12,10 +12,11 @@ from typing import Any, Final, Self, TypeVar
 import duckdb
 import pyarrow as pa
 
-from graspdb_queries.explain import NOT_A_QUERY, query_error
+from graspdb_queries.explain import query_error
 from graspdb_queries.object_storage import read_through
 from graspdb_queries.result import Result
 from graspdb_queries.source import TableSource, files_of
+from graspdb_queries.statements import read_only
 from graspdb_queries.views import build_database
 from graspdb_schemas.errors import ParameterError, QueryError, nearest
 
@@ -32,7 +33,8 @@ class Engine:
     """Answers SQL over one snapshot of a database; reads its Parquet files, and nothing else.
 
     Before the first query the engine is locked: no file but those of the snapshot can be opened, no
-    extension loaded, no setting changed. Only SELECT statements are run.
+    extension loaded, no setting changed. Only SELECT statements are run, of which all parts read: what may be
+    opened may also be written to otherwise.
 
     Parameters
     ----------
@@ -130,18 +132,9 @@ class Engine:
         self, cursor: duckdb.DuckDBPyConnection, statement: str, parameters: Mapping[str, Any]
     ) -> dict[str, Any] | None:
         """Return the parameters to bind, having checked that the statement only reads."""
-        if not _is_utf8(statement):
-            raise QueryError("the query is not UTF-8 text", NOT_A_QUERY)
         with _explained(statement):
-            parsed = cursor.extract_statements(statement)
-        if len(parsed) != 1:
-            raise QueryError(f"found {len(parsed)} statements, and one can be answered", NOT_A_QUERY)
-        kind = _kind(parsed[0])
-        if kind == duckdb.StatementType.MULTI:
-            raise QueryError("PIVOT has to be told its values", "Write PIVOT ... ON column IN (value, ...).")
-        if kind != duckdb.StatementType.SELECT:
-            raise QueryError(f"found a statement of kind {kind.name if kind else 'unknown'}", NOT_A_QUERY)
-        wanted = sorted(parsed[0].named_parameters)
+            parsed = read_only(cursor, statement)
+        wanted = sorted(parsed.named_parameters)
         for name in parameters:
             if name not in wanted:
                 allowed = ", ".join(wanted) or "none, for the query has no parameters"
@@ -221,23 +214,6 @@ def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> 
             cursor.interrupt()
             helper.join(_GLANCE)
         raise
-
-
-def _kind(statement: duckdb.Statement) -> duckdb.StatementType | None:
-    """Return the kind of a statement, None for one of which DuckDB's Python package has no name."""
-    try:
-        return duckdb.StatementType(statement.type)
-    except ValueError:
-        return None
-
-
-def _is_utf8(text: str) -> bool:
-    """Whether a text is free of lone surrogates, which stand for undecodable bytes of a command line."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 @contextmanager
