@@ -95,7 +95,7 @@ def _n_rows(source: TableSource) -> int:
     def counted(file: str) -> int:
         with open_parquet(file) as parquet:
             groups = (parquet.read_row_group(i, columns=["ingest_id"]) for i in range(parquet.num_row_groups))
-            return sum(_counting(group, source).num_rows for group in groups)
+            return sum(pc.sum(_counting(group, source)).as_py() or 0 for group in groups)
 
     return whole + sum(for_each_file(counted, source.mixed_files))
 
@@ -111,13 +111,13 @@ def _visible(name: str, source: TableSource, columns: Sequence[str]) -> pa.Table
     def mixed(file: str) -> pa.Table:
         with open_parquet(file) as parquet:
             rows = parquet.read(columns=[*columns, "ingest_id"])
-        return _counting(rows, source).select(columns).cast(schema)
+        # Files that a delete has rewritten hold texts of an Arrow type that cannot be filtered.
+        return rows.select(columns).cast(schema).filter(_counting(rows, source))
 
     parts = [*for_each_file(whole, source.files), *for_each_file(mixed, source.mixed_files)]
     return pa.concat_tables(parts) if parts else schema.empty_table()
 
 
-def _counting(rows: pa.Table, source: TableSource) -> pa.Table:
-    """Return the rows that count."""
-    # Files that a delete has rewritten hold texts of another Arrow type.
-    return rows.filter(pc.is_in(rows["ingest_id"].cast(pa.string()), source.committed))
+def _counting(rows: pa.Table, source: TableSource) -> pa.ChunkedArray:
+    """Return which rows count."""
+    return pc.is_in(rows["ingest_id"].cast(pa.string()), source.committed)

@@ -158,7 +158,10 @@ def _ids_in(file: str) -> tuple[pa.Array, pa.Array, pa.Array]:
     ids, context, table_rows = (
         rows[name].combine_chunks() for name in ("ingest_id", "context", "table_rows")
     )
-    return ids.cast(_TEXT), context.flatten().unique().cast(_TEXT), table_rows.cast(_COUNTS)
+    named = context.flatten()
+    if not pa.types.is_dictionary(named.type):
+        named = named.cast(_TEXT)
+    return ids.cast(_TEXT), named.unique().cast(_TEXT), table_rows.cast(_COUNTS)
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,23 @@ def test_counts_are_those_of_sql_before_and_after_housekeeping(store: Store) -> 
         assert info.several_versions == ("object s/mug",)
 
 
+def test_files_that_a_sweep_has_rewritten_are_counted_too(store: Store) -> None:
+    store.optimize()
+    for number, size in ((2, 3.0), (3, 4.0)):
+        store.commit_session(session_tables("s", size=size, objects=("mug", "jug")))
+        store.commit_trial(trial_tables(number, "s", input_key="newer"))
+        store.commit_session(session_tables("t", size=size, objects=("mug", "jug")))
+        store.commit_trials([trial_tables(other, "t", input_key=f"{number}") for other in range(number)])
+        with graspdb.open(store.path) as database:
+            assert database.snapshot.sources["frames"].mixed_files
+            assert database.snapshot.sources["objects"].mixed_files
+            assert database.info().rows == by_sql(database)
+        store.sweep()
+    store.remove("trial", ["s/anna_mug_0"])
+    with graspdb.open(store.path) as database:
+        assert database.info().rows == by_sql(database)
+
+
 def test_one_session_is_counted_alone(store: Store) -> None:
     with graspdb.open(store.path) as database:
         part = database.session("t")
