@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from graspdb.database import Database as Database
-    from graspdb.database import Info as Info
     from graspdb.explaining import explain_ingest as explain_ingest
     from graspdb.grasp import Grasp as Grasp
+    from graspdb.holdings import Info as Info
     from graspdb.importing import import_data_set as import_data_set
     from graspdb.ingestion import IngestReport as IngestReport
     from graspdb.ingestion import ingest as ingest
@@ -39,7 +39,7 @@ _HOMES = {
     "remove": ("graspdb.maintenance", "remove"),
     "verify": ("graspdb.maintenance", "verify"),
     "IngestReport": ("graspdb.ingestion", "IngestReport"),
-    "Info": ("graspdb.database", "Info"),
+    "Info": ("graspdb.holdings", "Info"),
     "Grasp": ("graspdb.grasp", "Grasp"),
     "WindowDataset": ("graspdb.training.windows", "WindowDataset"),
     "WindowStream": ("graspdb.training.windows", "WindowStream"),

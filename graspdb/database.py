@@ -1,8 +1,8 @@
 """A database, open for reading: one consistent snapshot and the questions it answers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, Self
 import pyarrow as pa
 
 from graspdb.grasp import Grasp, read_grasp
+from graspdb.holdings import Info, read_info
 from graspdb.store.history import AsOf, Change, read_history
-from graspdb.store.location import Location, location
+from graspdb.store.location import location
 from graspdb.store.snapshot import Snapshot, take_snapshot
-from graspdb_queries.duckdb_file import write_duckdb
-from graspdb_queries.engine import Engine, Stream
 from graspdb_queries.named import named_query
 from graspdb_queries.quoting import identifier
 from graspdb_queries.result import Result
@@ -25,38 +24,10 @@ from graspdb_schemas.tables import TABLES
 
 if TYPE_CHECKING:
     from graspdb.export.run import ExportReport, Progress
+    from graspdb_queries.engine import Engine, Stream
     from graspdb_queries.similar.answer import Similar
     from graspdb_queries.similar.placed import GraspsOn
     from graspdb_queries.similar.search import Search
-
-
-@dataclass(frozen=True)
-class Info:
-    """What a database holds.
-
-    Attributes
-    ----------
-    path : Path or ObjectStorage
-        Where it is.
-    format : int
-        Version of its format.
-    rows : mapping of str to int
-        Rows of each table that are visible.
-    versions : mapping of str to int
-        Version of each table.
-    rejected : int
-        Trials that were rejected.
-    several_versions : tuple of str
-        Hands, objects and subjects of which trials stand on more than one version, since their
-        description has changed and not every trial was ingested again.
-    """
-
-    path: Location
-    format: int
-    rows: Mapping[str, int]
-    versions: Mapping[str, int]
-    rejected: int
-    several_versions: tuple[str, ...]
 
 
 class Database:
@@ -158,7 +129,7 @@ class Database:
         """
         return self._engine.sql(statement, parameters)
 
-    def stream(self, statement: str, /, **parameters: Any) -> Stream:
+    def stream(self, statement: str, /, **parameters: Any) -> "Stream":
         """Answer one SELECT statement batch by batch, in bounded memory; see `sql`."""
         return self._engine.stream(statement, parameters)
 
@@ -242,10 +213,14 @@ class Database:
             sources = without_licences(self._engine, sources, refuse_licences)
         asked = export_options(options)
         if form == "duckdb":
+            from graspdb_queries.duckdb_file import write_duckdb
+
             if asked.given():
                 raise ParameterError("duckdb", ", ".join(asked.given()), "none of these options")
             write_duckdb(Path(out), sources)
             return ExportReport(form, Path(out))
+        from graspdb_queries.engine import Engine
+
         with Engine(sources) as engine:
             return run_export(self, engine, form, Path(out), asked, refuse_licences, progress)
 
@@ -345,24 +320,23 @@ class Database:
         return grasps_on(holdings, read_object(Path(new_object), scale), k, where)
 
     def info(self) -> Info:
-        """Return what the database holds."""
-        counts = " UNION ALL ".join(f"SELECT '{name}' AS name, count(*) AS n FROM {name}" for name in TABLES)
-        rejected = self.sql("SELECT count(*) FROM trials WHERE status = 'rejected'").rows()[0][0]
-        return Info(
-            path=self.path,
-            format=self.snapshot.format,
-            rows=dict(self.sql(counts).rows()),
-            versions=self.snapshot.versions,
-            rejected=rejected,
-            several_versions=tuple(row[0] for row in self.sql(_SEVERAL_VERSIONS).rows()),
-        )
+        """Return what the database holds.
+
+        Raises
+        ------
+        DatabaseError
+            A file is missing or damaged.
+        """
+        return read_info(self.snapshot)
 
     def history(self) -> tuple[Change, ...]:
         """Return the versions of the database whose log is kept, the latest first."""
         return read_history(self.path)
 
     @cached_property
-    def _engine(self) -> Engine:
+    def _engine(self) -> "Engine":
+        from graspdb_queries.engine import Engine
+
         return Engine(self.snapshot.sources)
 
     @cached_property
@@ -379,14 +353,3 @@ def _check_count(k: int) -> None:
     """Raise ParameterError unless so many hits may be asked for."""
     if not (isinstance(k, int) and 1 <= k <= _MOST_HITS):
         raise ParameterError("k", k, f"a whole number from 1 to {_MOST_HITS}")
-
-
-_SEVERAL_VERSIONS = """
-    SELECT 'subject ' || session || '/' || subject FROM subjects GROUP BY session, subject HAVING count(*) > 1
-    UNION ALL
-    SELECT 'hand ' || session || '/' || subject || '/' || side FROM hands
-    GROUP BY session, subject, side HAVING count(*) > 1
-    UNION ALL
-    SELECT 'object ' || session || '/' || object FROM objects GROUP BY session, object HAVING count(*) > 1
-    ORDER BY ALL
-"""

@@ -32,6 +32,9 @@ CALLS_FOR_A_WORKER: Final = 2
 SHARED_AT_HAND: Final = 6
 """Shared values that a worker keeps loaded: a session, two hands, and objects of trials in a row."""
 
+LONGEST_SILENCE: Final = 1.0
+"""Time after which workers that are all still at work are said to have done nothing [s]."""
+
 _ONE_THREAD: Final = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1"
 )
@@ -70,6 +73,8 @@ class Engine(Protocol):
     def run(self, function: Callable[..., T], calls: Iterable[tuple[Any, ...]]) -> Iterator[list[T]]:
         """Call a function with each tuple of arguments, and yield what is done since the last time.
 
+        That is nothing where no worker has been done for `LONGEST_SILENCE`. Where a call fails, what is done
+        is yielded before the error is raised.
         Arguments are taken as workers get free, and no new call begins while the results of
         `CALLS_FOR_A_WORKER` calls for each worker wait to be taken. So memory is bounded by the number of
         workers, not of calls.
@@ -79,6 +84,9 @@ class Engine(Protocol):
         EngineError
             A worker was lost.
         """
+
+    def finished(self) -> list[Any]:
+        """Return the results that are there and have not been yielded; for when `run` is broken off."""
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -135,6 +143,7 @@ class LocalEngine:
         self._folder = Path(tempfile.mkdtemp(prefix="graspdb-ingest-"))
         self._numbers = count()
         self._executor: Any = None
+        self._under_way: set[Future[Any]] = set()
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -174,15 +183,25 @@ class LocalEngine:
                 "What was committed before is safe; run again with fewer --workers.",
             ) from error
 
+    def finished(self) -> list[Any]:
+        """Return what workers have done and `run` has not yielded."""
+        return [future.result() for future in self._under_way if future.done() and not future.exception()]
+
     def _windowed(self, function: Callable[..., T], calls: Iterator[tuple[Any, ...]]) -> Iterator[list[T]]:
-        waiting: set[Future[T]] = set()
         while True:
-            free = CALLS_FOR_A_WORKER * self._workers - len(waiting)
-            waiting |= {self._executor.submit(function, *arguments) for arguments in islice(calls, free)}
-            if not waiting:
+            free = CALLS_FOR_A_WORKER * self._workers - len(self._under_way)
+            self._under_way |= {
+                self._executor.submit(function, *arguments) for arguments in islice(calls, free)
+            }
+            if not self._under_way:
                 return
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield [future.result() for future in done]
+            done, left = wait(self._under_way, LONGEST_SILENCE, FIRST_COMPLETED)
+            errors = [error for error in (future.exception() for future in done) if error is not None]
+            results = [future.result() for future in done if not future.exception()]
+            self._under_way = left
+            yield results
+            if errors:
+                raise errors[0]
 
 
 class _SharedFile(Generic[T]):

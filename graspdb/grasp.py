@@ -8,12 +8,12 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from graspdb_queries.engine import Engine
 from graspdb_schemas.errors import QueryError, nearest
 from graspdb_schemas.vocabulary import N_Q, N_SITES
 
 if TYPE_CHECKING:
     from graspdb.database import Database
+    from graspdb_queries.engine import Engine
 
 Floats = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ class Grasp:
         return grasp_html(self)
 
 
-def read_grasp(engine: Engine, key: str) -> Grasp:
+def read_grasp(engine: "Engine", key: str) -> Grasp:
     """Return one grasp of a snapshot.
 
     Raises
@@ -107,7 +107,7 @@ def read_grasp(engine: Engine, key: str) -> Grasp:
     return next(read_grasps(engine, [key]))
 
 
-def read_grasps(engine: Engine, keys: Sequence[str]) -> Iterator[Grasp]:
+def read_grasps(engine: "Engine", keys: Sequence[str]) -> Iterator[Grasp]:
     """Yield grasps of a snapshot, in the order of their keys; many with as many queries as one.
 
     Raises
@@ -160,19 +160,19 @@ def _grasp(
     )
 
 
-def _rows_of(engine: Engine, table: str, keys: Sequence[str]) -> list[dict[str, Any]]:
+def _rows_of(engine: "Engine", table: str, keys: Sequence[str]) -> list[dict[str, Any]]:
     """Return the rows of a table that belong to some grasps."""
     statement = f"SELECT * FROM {table} WHERE grasp IN (SELECT unnest($grasps))"
     return list(engine.sql(statement, {"grasps": list(keys)}).table.to_pylist())
 
 
-def _objects(engine: Engine, keys: Sequence[str]) -> dict[str, str]:
+def _objects(engine: "Engine", keys: Sequence[str]) -> dict[str, str]:
     """Return, by grasp, the ingest_id of the very rows of the object that it stands on."""
     statement = "SELECT grasp, object_ingest_id FROM grasp_objects WHERE grasp IN (SELECT unnest($grasps))"
     return dict(engine.sql(statement, {"grasps": list(keys)}).rows())
 
 
-def _cloud(engine: Engine, ingest_id: str) -> pa.Table:
+def _cloud(engine: "Engine", ingest_id: str) -> pa.Table:
     """Return the points of an object: number, position and normal."""
     return engine.sql(
         "SELECT point, position, normal FROM object_points WHERE ingest_id = $ingest_id",
@@ -203,7 +203,7 @@ def _floats(values: list[Any] | None, shape: tuple[int, ...]) -> Floats:
     return np.array([[np.nan] * shape[1] if row is None else row for row in values], dtype=float)
 
 
-def _no_grasp(engine: Engine, key: str) -> QueryError:
+def _no_grasp(engine: "Engine", key: str) -> QueryError:
     """Say which grasps there are with names like this."""
     keys = engine.sql("SELECT grasp FROM grasps").table["grasp"].to_pylist()
     return QueryError(

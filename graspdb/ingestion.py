@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from graspdb.batches import commit_in_batches
 from graspdb.engines import Engine, EngineName, make_engine
-from graspdb.preparation import Parts, prepare_parts, process_prepared
+from graspdb.preparation import Parts, Processed, prepare_parts, process_prepared
 from graspdb.store import Outcome, Store
 from graspdb.store.location import Location
 from graspdb_ingest.calibration_set import keep_calibrations
@@ -69,7 +70,7 @@ class IngestReport:
 
 
 Progress = Callable[[TrialReport, int], None]
-"""Called after each committed trial with its report and the number of trials to do in all."""
+"""Called for each committed trial with its report and the number of trials to do in all."""
 
 
 def ingest(
@@ -132,11 +133,17 @@ def ingest(
     # Trials of one object after the other let workers keep it loaded.
     todo.sort(key=lambda trial: trial.object or "")
     with make_engine(engine, workers, at_most=len(todo)) as chosen:
-        for rows in _processed(chosen, described, todo, inputs, parameters, store):
-            for trial, done in zip(rows, store.commit_trials(rows, force=force), strict=True):
-                reports.append(trial_report(trial, done.outcome))
+        parts = prepare_parts(chosen, described, todo, parameters)
+        committer = _Committer(store, described, parts, force)
+
+        def commit(trials: Sequence[Processed]) -> None:
+            for report in committer.commit(trials):
+                reports.append(report)
                 if progress is not None:
-                    progress(reports[-1], len(todo))
+                    progress(report, len(todo))
+
+        arrivals = _processed(chosen, described, todo, parts, inputs, parameters)
+        commit_in_batches(arrivals, commit, Processed.size, chosen.finished)
     return IngestReport(described.id, store.path, tuple(reports))
 
 
@@ -166,22 +173,33 @@ def _processed(
     chosen: Engine,
     session: Session,
     todo: Sequence[SessionTrial],
+    parts: Parts,
     inputs: Mapping[str, Mapping[str, str]],
     parameters: IngestParameters,
-    store: Store,
-) -> Iterator[list[TrialTables]]:
-    """Yield the rows of trials done since the last time, when the store has those that they stand on."""
-    parts = prepare_parts(chosen, session, todo, parameters)
+) -> Iterator[list[Processed]]:
+    """Yield the trials done since the last time."""
     shared = chosen.share((session, parameters))
     calls = ((shared, trial, parts.of(session, trial), inputs[trial.name]) for trial in todo)
-    committed: str | None = None
-    for done in chosen.run(process_prepared, calls):
-        by_object = sorted(done, key=lambda item: item.object or "")
-        for name, items in groupby(by_object, key=lambda item: item.object or ""):
-            if name != committed:
-                store.commit_session(_stands_on(session, parts, name))
-                committed = name
-            yield [item.rows for item in items]
+    yield from chosen.run(process_prepared, calls)
+
+
+class _Committer:
+    """Commits trials with what they stand on."""
+
+    def __init__(self, store: Store, session: Session, parts: Parts, force: bool) -> None:
+        self._store, self._session, self._parts, self._force = store, session, parts, force
+        self._object: str | None = None
+
+    def commit(self, trials: Sequence[Processed]) -> Iterator[TrialReport]:
+        """Commit trials, those with the same object in one step, and yield what became of each."""
+        by_object = sorted(trials, key=lambda trial: trial.object or "")
+        for name, alike in groupby(by_object, key=lambda trial: trial.object or ""):
+            if name != self._object:
+                self._store.commit_session(_stands_on(self._session, self._parts, name))
+                self._object = name
+            rows = [trial.rows for trial in alike]
+            outcomes = self._store.commit_trials(rows, force=self._force)
+            yield from (trial_report(own, done.outcome) for own, done in zip(rows, outcomes, strict=True))
 
 
 def _stands_on(session: Session, parts: Parts, name: str) -> TrialTables:

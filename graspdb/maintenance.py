@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 
 from graspdb.store import Store
+from graspdb.store.location import location
 from graspdb.store.optimize import SAFE_RETENTION, OptimizedTable
 from graspdb.store.remove import Kind, Removed
 from graspdb.store.verify import Verified
@@ -21,7 +21,7 @@ def remove(db: str | PathLike[str], kind: str, keys: Sequence[str]) -> Removed:
     Parameters
     ----------
     db : path
-        The database's folder.
+        The database's folder, or its URL in object storage.
     kind : {'trial', 'session', 'subject'}
         What the keys name.
     keys : sequence of str
@@ -50,7 +50,7 @@ def optimize(
     Parameters
     ----------
     db : path
-        The database's folder.
+        The database's folder, or its URL in object storage.
     retention_hours : int
         How far back earlier states can still be read [h].
 
@@ -77,4 +77,4 @@ def verify(db: str | PathLike[str]) -> Verified:
     DatabaseError
         The folder is no database.
     """
-    return verify_store(Path(db))
+    return verify_store(location(db))

@@ -132,6 +132,10 @@ class Processed:
     object: str | None
     rows: TrialTables
 
+    def size(self) -> int:
+        """Return the bytes of its rows."""
+        return sum(table.nbytes for table in self.rows.tables.values())
+
 
 def process_prepared(
     shared: Shared[tuple[Session, IngestParameters]],

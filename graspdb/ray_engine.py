@@ -9,7 +9,7 @@ from itertools import islice
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from graspdb.engines import CALLS_FOR_A_WORKER, SHARED_AT_HAND, EngineError, Shared
+from graspdb.engines import CALLS_FOR_A_WORKER, LONGEST_SILENCE, SHARED_AT_HAND, EngineError, Shared
 from graspdb_schemas.errors import MissingLibraryError
 
 try:
@@ -76,19 +76,38 @@ class RayEngine:
             self._under_way += [remote.remote(function, *arguments) for arguments in islice(left, free)]
             if not self._under_way:
                 return
-            ray.wait(self._under_way, num_returns=1, fetch_local=False)
-            done, self._under_way = ray.wait(
-                self._under_way, num_returns=len(self._under_way), timeout=0, fetch_local=False
-            )
+            ray.wait(self._under_way, num_returns=1, timeout=LONGEST_SILENCE, fetch_local=False)
+            results, errors, self._under_way = self._fetched()
+            yield results
+            if errors:
+                raise _as_raised(errors[0])
+
+    def finished(self) -> list[Any]:
+        """Return what the cluster has done and `run` has not yielded."""
+        return self._fetched()[0]
+
+    def _fetched(self) -> tuple[list[Any], list[Exception], list[Any]]:
+        """Return the results of the tasks that are done, the errors of those that failed, and the others."""
+        if not self._under_way:
+            return [], [], []
+        done, left = ray.wait(self._under_way, num_returns=len(self._under_way), timeout=0, fetch_local=False)
+        results, errors = [], []
+        for task in done:
             try:
-                yield [pickle.loads(result) for result in ray.get(done)]
-            except ray.exceptions.RayTaskError as error:
-                raise error.cause if isinstance(error.cause, Exception) else error from None
+                results.append(pickle.loads(ray.get(task)))
             except ray.exceptions.RayError as error:
-                raise EngineError(
-                    f"a task of the Ray cluster was lost: {str(error).splitlines()[0]}",
-                    "What was committed before is safe; look at the cluster with `ray status`, run again.",
-                ) from error
+                errors.append(error)
+        return results, errors, left
+
+
+def _as_raised(error: Exception) -> Exception:
+    """Return what a task raised, or that it was lost."""
+    if isinstance(error, ray.exceptions.RayTaskError):
+        return error.cause if isinstance(error.cause, Exception) else error
+    return EngineError(
+        f"a task of the Ray cluster was lost: {str(error).splitlines()[0]}",
+        "What was committed before is safe; look at the cluster with `ray status`, run again.",
+    )
 
 
 def _call(function: Callable[..., Any], *arguments: Any) -> bytes:

@@ -24,7 +24,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 sys.path.append(str(Path(__file__).parent))
 
@@ -32,9 +31,9 @@ from handmade import session_tables, trial_tables
 from tiny_session import write_tiny_session
 
 import graspdb
-from graspdb import ingestion
+from graspdb import batches, ingestion
 from graspdb.engines import Engine, make_engine
-from graspdb.preparation import prepare_parts, process_prepared
+from graspdb.preparation import Parts, Processed, prepare_parts, process_prepared
 from graspdb.store import Store
 from graspdb_ingest.input_key import session_inputs
 from graspdb_ingest.parameters import CloudParameters, IngestParameters
@@ -45,6 +44,9 @@ from graspdb_schemas.manifest import Session, SessionTrial
 N_TRIALS = 20
 WORKERS = 2
 PARAMETERS = IngestParameters(cloud=CloudParameters(spacing=0.006))
+PERIODS = (0.0, 0.3)
+"""Times from one commit to the next [s]: trials come alone, or some together."""
+
 FROM_NOTHING = 5
 """Every so many rounds there is no database before."""
 
@@ -103,7 +105,7 @@ def _compute(folder: Path, session: Path) -> None:
         for trial in described.trials:
             stands_on = ingestion._stands_on(described, parts, trial.object or "")
             done = process_prepared(shared, trial, parts.of(described, trial), inputs[trial.name])
-            (folder / trial.name).write_bytes(pickle.dumps((stands_on, done.rows)))
+            (folder / trial.name).write_bytes(pickle.dumps((stands_on, done)))
 
 
 def one_round(bench: Bench, number: int, rng: random.Random) -> Round:
@@ -113,7 +115,7 @@ def one_round(bench: Bench, number: int, rng: random.Random) -> Round:
     from_nothing = number % FROM_NOTHING == FROM_NOTHING - 1
     if not from_nothing:
         shutil.copytree(bench.before, db)
-    _run(bench.folder, db, kill_after=rng.uniform(0, bench.seconds))
+    _run(bench.folder, db, PERIODS[number % len(PERIODS)], kill_after=rng.uniform(0, bench.seconds))
     faults: list[str] = []
     committed, dead = None, 0
     try:
@@ -147,9 +149,9 @@ def content(db: Path) -> Content:
     }
 
 
-def _run(folder: Path, db: Path, kill_after: float | None = None) -> None:
+def _run(folder: Path, db: Path, period: float = 0.0, kill_after: float | None = None) -> None:
     """Ingest in a process group of its own; kill all of it after a time, or wait for its end."""
-    process = CONTEXT.Process(target=_ingest, args=(str(folder), str(db)))
+    process = CONTEXT.Process(target=_ingest, args=(str(folder), str(db), period))
     process.start()
     process.join(kill_after)
     if process.is_alive():
@@ -162,29 +164,30 @@ def _run(folder: Path, db: Path, kill_after: float | None = None) -> None:
         raise RuntimeError(f"the ingest ended with status {process.exitcode}")
 
 
-def _ingest(folder: str, db: str) -> None:
+def _ingest(folder: str, db: str, period: float) -> None:
     """Ingest the session; workers hand over the rows that were computed once."""
     os.setsid()
 
+    stands_on: list[TrialTables] = []
+
     def handed_over(
-        _: Engine, __: Session, todo: Sequence[SessionTrial], *rest: object
-    ) -> Iterator[list[TrialTables]]:
-        store = cast(Store, rest[-1])
-        for number, (stands_on, rows) in enumerate(
-            pool.imap(_read, [Path(folder, trial.name) for trial in todo])
-        ):
-            if number == 0:  # all trials are of one object
-                store.commit_session(stands_on)
-            yield [rows]
+        _: Engine, __: Session, todo: Sequence[SessionTrial], *___: object
+    ) -> Iterator[list[Processed]]:
+        for shared, done in pool.imap(_read, [Path(folder, trial.name) for trial in todo]):
+            stands_on[:] = [shared]  # all trials are of one object
+            yield [done]
 
     # The workers are forked before the store starts threads of its own.
     with multiprocessing.get_context("fork").Pool(WORKERS) as pool:
+        ingestion.prepare_parts = lambda *_: Parts({}, {})
         ingestion._processed = handed_over
+        ingestion._stands_on = lambda *_: stands_on[0]
+        batches.PERIOD = period
         ingestion.ingest(Path(folder, "session"), db, workers=WORKERS, parameters=PARAMETERS)
 
 
-def _read(file: Path) -> tuple[TrialTables, TrialTables]:
-    rows: tuple[TrialTables, TrialTables] = pickle.loads(file.read_bytes())
+def _read(file: Path) -> tuple[TrialTables, Processed]:
+    rows: tuple[TrialTables, Processed] = pickle.loads(file.read_bytes())
     return rows
 
 

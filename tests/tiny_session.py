@@ -8,10 +8,12 @@ import yaml
 from graspdb.simulate import simulate_session
 
 
-def write_tiny_session(folder: Path, n_trials: int = 20, name: str = "tiny", seed: int = 3) -> Path:
-    """Write a session of `n_trials` trials of ten frames each, and a recording to calibrate the hand from."""
+def write_tiny_session(
+    folder: Path, n_trials: int = 20, name: str = "tiny", seed: int = 3, rate: float = 20.0
+) -> Path:
+    """Write a session of `n_trials` trials of half a second, and a recording to calibrate the hand from."""
     simulate_session(
-        folder, subjects=1, trials=1, seed=seed, rate=20.0, objects=["bottle"], kinds=["side_power"]
+        folder, subjects=1, trials=1, seed=seed, rate=rate, objects=["bottle"], kinds=["side_power"]
     )
     manifest = yaml.safe_load((folder / "session.yaml").read_text())
     entry = manifest["trials"][0]

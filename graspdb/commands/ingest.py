@@ -39,7 +39,7 @@ def ingest(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Turn sessions into rows: track, find contacts and features, commit trial by trial.
+    """Turn sessions into rows: track, find contacts and features, commit as trials are done.
 
     Unchanged trials are skipped. A trial that cannot be used is stored as rejected, with its
     reasons, and the exit status is 1.

@@ -11,16 +11,15 @@ from enum import StrEnum
 from typing import Any, Final
 
 import pyarrow as pa
-import pyarrow.compute as pc
 from deltalake import CommitProperties, DeltaTable, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from graspdb.store.bundle import Trial
-from graspdb.store.content import KEY_LENGTH
-from graspdb.store.fence import Patience, commit_properties, generation
-from graspdb.store.layout import bring_up_to_date, first_line, read_rows
+from graspdb.store.fence import Patience, commit_properties
+from graspdb.store.layout import bring_up_to_date, first_line
 from graspdb.store.location import Location
 from graspdb.store.lock import writing
+from graspdb.store.open_tables import OpenTables, State, quoted
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
@@ -53,29 +52,6 @@ class Committed:
 
 
 @dataclass(frozen=True)
-class _State:
-    """What one version of `trials` says about a batch.
-
-    Attributes
-    ----------
-    generation : int
-        Number of sweeps so far.
-    input_keys : mapping of str to str
-        Those of the batch's trials that are there -> their input_key.
-    contexts : mapping of str to str
-        Content key -> ingest_id of session-level rows that committed trials of these sessions stand on.
-    """
-
-    generation: int
-    input_keys: Mapping[str, str]
-    contexts: Mapping[str, str]
-
-    def unchanged(self, trial: Trial) -> bool:
-        """Whether the trial stands in the database with the same input_key."""
-        return self.input_keys.get(trial.key) == trial.input_key
-
-
-@dataclass(frozen=True)
 class _Prepared:
     """A trial with its fresh ingest_id and the session-level rows it stands on: content key -> ingest_id."""
 
@@ -85,7 +61,7 @@ class _Prepared:
 
 
 def commit_trials(
-    root: Location, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+    root: Location, tables: OpenTables, trials: Sequence[Trial], force: bool
 ) -> tuple[Committed, ...]:
     """Commit trials together: all of them become visible in one step, or none.
 
@@ -93,7 +69,7 @@ def commit_trials(
     ----------
     root : Path or ObjectStorage
         The database's folder, for messages.
-    tables : mapping of str to DeltaTable
+    tables : OpenTables
         Its open tables; they are brought up to date.
     trials : sequence of Trial
         The trials, each at most once.
@@ -110,39 +86,30 @@ def commit_trials(
     keys = [trial.key for trial in trials]
     if len(set(keys)) != len(keys):
         raise ParameterError("trials", max(keys, key=keys.count), "each trial once")
+    tables.open_grown_anew()
     with writing(root):
         return _commit(root, tables, trials, force)
 
 
 def _commit(
-    root: Location, tables: Mapping[str, DeltaTable], trials: Sequence[Trial], force: bool
+    root: Location, tables: OpenTables, trials: Sequence[Trial], force: bool
 ) -> tuple[Committed, ...]:
     keys = [trial.key for trial in trials]
     for name, table in tables.items():
         bring_up_to_date(root, name, table)
     patience = Patience(root)
     while True:
-        state = _read(tables["trials"], trials)
+        state = tables.state(trials)
         todo = [trial for trial in trials if force or not state.unchanged(trial)]
         if not todo:
             return tuple(Committed(key, Outcome.UNCHANGED) for key in keys)
         prepared, rows = _prepare(todo, state)
         for name, parts in rows.items():
             append_rows(root, name, tables[name], pa.concat_tables(parts))
-        outcomes = _publish(root, tables["trials"], prepared, state, force)
+        outcomes = _publish(root, tables, prepared, state, force)
         if outcomes is not None:
             return tuple(Committed(key, outcomes.get(key, Outcome.UNCHANGED)) for key in keys)
         patience.pause()
-
-
-def quoted(values: Sequence[str]) -> str:
-    """Return values as a list of SQL text literals."""
-    return ", ".join("'" + value.replace("'", "''") + "'" for value in values)
-
-
-def content_key_of(ingest_id: str) -> str:
-    """Return the content key at the end of a session-level ingest_id."""
-    return ingest_id[-KEY_LENGTH:]
 
 
 def fresh_id() -> str:
@@ -150,20 +117,7 @@ def fresh_id() -> str:
     return f"{time.time_ns():016x}-{secrets.token_hex(6)}"
 
 
-def _read(table: DeltaTable, trials: Sequence[Trial]) -> _State:
-    """Bring `trials` up to date and return what it says about a batch."""
-    table.update_incremental()
-    sessions = sorted({trial.session for trial in trials})
-    stored = read_rows(
-        "trials", table, ["trial", "input_key", "context"], predicate=f"session IN ({quoted(sessions)})"
-    )
-    batch = stored.filter(pc.is_in(stored["trial"], pa.array([trial.key for trial in trials], pa.string())))
-    input_keys = dict(zip(batch["trial"].to_pylist(), batch["input_key"].to_pylist(), strict=True))
-    contexts = stored["context"].combine_chunks().flatten().unique().to_pylist()
-    return _State(generation(table), input_keys, {content_key_of(key): key for key in sorted(contexts)})
-
-
-def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], dict[str, list[pa.Table]]]:
+def _prepare(trials: Sequence[Trial], state: State) -> tuple[list[_Prepared], dict[str, list[pa.Table]]]:
     """Give every trial a fresh ingest_id, and return the rows to write before the trials' own."""
     known = dict(state.contexts)
     rows: dict[str, list[pa.Table]] = {}
@@ -183,7 +137,7 @@ def _prepare(trials: Sequence[Trial], state: _State) -> tuple[list[_Prepared], d
 
 
 def _publish(
-    root: Location, table: DeltaTable, prepared: Sequence[_Prepared], state: _State, force: bool
+    root: Location, tables: OpenTables, prepared: Sequence[_Prepared], state: State, force: bool
 ) -> dict[str, Outcome] | None:
     """Write the rows in `trials`: the commit point.
 
@@ -199,26 +153,32 @@ def _publish(
         todo = [item for item in prepared if force or not state.unchanged(item.trial)]
         if not todo:
             return {}
-        rows = pa.concat_tables([_trial_row(item, state) for item in todo])
+        context = {item.trial.key: _context(item, state) for item in todo}
+        rows = pa.concat_tables([_trial_row(item, context[item.trial.key]) for item in todo])
         keys = [item.trial.key for item in todo]
         replaced = [key for key in keys if key in state.input_keys]
         predicate = f"trial IN ({quoted(keys)})" if replaced else None
         properties = commit_properties(
-            table, "ingest", added=len(keys) - len(replaced), replaced=len(replaced)
+            tables["trials"], "ingest", added=len(keys) - len(replaced), replaced=len(replaced)
         )
         try:
-            write_rows(root, "trials", table, rows, properties, predicate)
+            write_rows(root, "trials", tables["trials"], rows, properties, predicate)
         except CommitFailedError:
             patience.pause()
-            state = _read(table, [item.trial for item in prepared])
+            state = tables.state([item.trial for item in prepared])
             continue
+        tables.follow(state, {item.trial.key: item.trial.input_key for item in todo}, context)
         return {key: Outcome.REPLACED if key in replaced else Outcome.ADDED for key in keys}
     return None
 
 
-def _trial_row(item: _Prepared, state: _State) -> pa.Table:
-    """Return the row in `trials`; session-level rows that another writer has committed meanwhile win."""
-    context = [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
+def _context(item: _Prepared, state: State) -> list[str]:
+    """Return the session-level rows a trial stands on; those another writer has committed meanwhile win."""
+    return [state.contexts.get(key, ingest_id) for key, ingest_id in item.context.items()]
+
+
+def _trial_row(item: _Prepared, context: list[str]) -> pa.Table:
+    """Return the row in `trials`."""
     counts = [(name, table.num_rows) for name, table in item.trial.tables.items()]
     added: dict[str, Any] = {
         "context": context,

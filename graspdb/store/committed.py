@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from deltalake import DeltaTable
 
-from graspdb.store.commit import quoted
 from graspdb.store.layout import read_rows
+from graspdb.store.open_tables import quoted
 from graspdb_ingest.calibration_set import CalibratedHand
 
 

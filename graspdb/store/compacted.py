@@ -8,25 +8,62 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 
-def written_rows(trials: pa.Table, name: str) -> tuple[pa.Array, pa.Array]:
-    """Return the ingest_ids of trials, and how many rows each wrote to a table; null where it does not say.
+class WrittenRows:
+    """How many rows committed ingests wrote to each table.
 
     Parameters
     ----------
-    trials : pyarrow.Table
-        Columns ingest_id and table_rows of `trials`.
-    name : str
-        The table.
+    ids : pyarrow.Array of string
+        Their ingest_ids.
+    table_rows : pyarrow.MapArray of string to integer
+        What each wrote, by table; null where it is not known.
     """
-    said = trials["table_rows"].combine_chunks()
-    counts = pc.fill_null(pc.map_lookup(said, pa.scalar(name), "first"), 0)
-    return trials["ingest_id"].combine_chunks(), pc.if_else(
-        said.is_valid(), counts, pa.scalar(None, pa.int32())
-    )
+
+    def __init__(self, ids: pa.Array, table_rows: pa.MapArray) -> None:
+        texts = np.array(ids.cast(pa.binary()).to_numpy(zero_copy_only=False), dtype="S")
+        self._order = np.argsort(texts)
+        self._ids = texts[self._order]
+        self._known = not table_rows.null_count
+        self._row = np.repeat(np.arange(len(ids)), np.diff(table_rows.offsets.to_numpy()))
+        tables = table_rows.keys.dictionary_encode()
+        self._names, self._table = tables.dictionary.to_pylist(), tables.indices.to_numpy()
+        self._n = table_rows.items.to_numpy()
+
+    def within(self, name: str) -> "RowsWithin | None":
+        """Return how many rows of a table were written by ranges of ingests; None if it is not known."""
+        if not self._known:
+            return None
+        rows = np.zeros(len(self._ids), np.int64)
+        if name in self._names:
+            of_table = self._table == self._names.index(name)
+            rows[self._row[of_table]] = self._n[of_table]
+        return RowsWithin(self._ids, np.concatenate([[0], np.cumsum(rows[self._order])]))
+
+
+class RowsWithin:
+    """How many rows of one table were written by the committed ingests of a range.
+
+    Parameters
+    ----------
+    ids : ndarray of bytes, shape (n,)
+        The ingest_ids, sorted.
+    before : ndarray of int, shape (n + 1,)
+        Rows that all ingests before each one wrote, and in the end all rows.
+    """
+
+    def __init__(self, ids: NDArray[np.bytes_], before: NDArray[np.int64]) -> None:
+        self._ids = ids
+        self._before = before
+
+    def __call__(self, first: str, last: str) -> int:
+        """Return the rows of the ingests from one to another, both included."""
+        start = np.searchsorted(self._ids, np.bytes_(first.encode()), "left")
+        stop = np.searchsorted(self._ids, np.bytes_(last.encode()), "right")
+        return int(self._before[stop] - self._before[start])
 
 
 def free_of_dead_rows(
-    least: pa.Array, greatest: pa.Array, n_rows: pa.Array, ids: pa.Array, written: pa.Array
+    least: pa.Array, greatest: pa.Array, n_rows: pa.Array, written: RowsWithin | None
 ) -> NDArray[np.bool_]:
     """Tell in which files with rows of several ingests all rows count.
 
@@ -39,38 +76,25 @@ def free_of_dead_rows(
         Range of ingest_ids of every file of which rows may count; null where the log does not say.
     n_rows : pyarrow.Array of integer, shape (n,)
         Rows of each file; null where the log does not say.
-    ids : pyarrow.Array of string
-        Committed ingest_ids.
-    written : pyarrow.Array of integer
-        Rows that each of them wrote to this table; null where it is not known.
+    written : RowsWithin or None
+        What committed ingests wrote to this table; None if it is not known.
 
     Returns
     -------
     ndarray of bool, shape (n,)
         True for files of one ingest too; False everywhere if something is not known.
     """
-    if not len(least) or least.null_count or greatest.null_count or n_rows.null_count or written.null_count:
-        return np.zeros(len(least), bool)
-    first, last, key = (_fixed(texts) for texts in (least, greatest, ids))
-    order = np.argsort(key)
-    key, before = key[order], np.concatenate([[0], np.cumsum(written.to_numpy()[order])])
-    files = np.argsort(first, kind="stable")
-    rows = n_rows.to_numpy()[files]
-    free = np.zeros(len(files), bool)
-    for run, start, end in _overlapping(first[files], last[files]):
-        expected = before[np.searchsorted(key, end, "right")] - before[np.searchsorted(key, start, "left")]
-        free[files[run]] = rows[run].sum() == expected
+    free = np.zeros(len(least), bool)
+    if not len(least) or written is None or least.null_count or greatest.null_count or n_rows.null_count:
+        return free
+    order = pc.sort_indices(least).to_numpy()
+    rows = n_rows.to_numpy()[order]
+    for run, start, end in _overlapping(least.take(order).to_pylist(), greatest.take(order).to_pylist()):
+        free[order[run]] = rows[run].sum() == written(start, end)
     return free
 
 
-def _fixed(texts: pa.Array) -> NDArray[np.bytes_]:
-    """Return texts as an array that numpy sorts fast; an empty one has texts too."""
-    return np.array(texts.cast(pa.binary()).to_numpy(zero_copy_only=False), dtype="S")
-
-
-def _overlapping(
-    first: NDArray[np.bytes_], last: NDArray[np.bytes_]
-) -> Iterator[tuple[slice, np.bytes_, np.bytes_]]:
+def _overlapping(first: list[str], last: list[str]) -> Iterator[tuple[slice, str, str]]:
     """Yield the runs of ranges, sorted by their start, that overlap, each with its start and end."""
     start, end = 0, last[0]
     for i in range(1, len(first)):

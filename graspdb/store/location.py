@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -103,9 +104,9 @@ def storage_options(place: Location) -> dict[str, str] | None:
     return OPTIONS if isinstance(place, ObjectStorage) else None
 
 
-def open_parquet(file: str) -> pq.ParquetFile:
-    """Open a Parquet file by its path or URL."""
-    return pq.ParquetFile(open_object(file) if is_url(file) else Path(file))
+def open_parquet(file: str, repeated: Sequence[str] = ()) -> pq.ParquetFile:
+    """Open a Parquet file by its path or URL; columns of texts that repeat can be read as dictionaries."""
+    return pq.ParquetFile(open_object(file) if is_url(file) else Path(file), read_dictionary=repeated)
 
 
 def size_of(file: str) -> int | None:

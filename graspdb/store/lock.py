@@ -3,7 +3,8 @@
 A writer puts its files on disk before its commit names them. In between they look like what a killed
 writer leaves behind. A vacuum that takes everything unnamed, whatever its age, therefore waits until nobody
 is writing.
-The operating system gives the lock back when a process ends, also when it is killed.
+The operating system gives the lock back when a process ends, also when it is killed. Object storage has no
+locks; `lease` has what stands for them there.
 """
 
 import fcntl
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from graspdb.store.fence import Patience
+from graspdb.store.lease import Work, leased
 from graspdb.store.location import Location, ObjectStorage
 from graspdb_schemas.errors import DatabaseError
 
@@ -36,13 +38,8 @@ def alone(root: Location) -> Iterator[None]:
 @contextmanager
 def _locked(root: Location, how: int) -> Iterator[None]:
     if isinstance(root, ObjectStorage):
-        if how == fcntl.LOCK_EX:
-            raise DatabaseError(
-                root,
-                "object storage has no lock that tells whether somebody writes",
-                "Keep what is a day old or younger, and optimize again later.",
-            )
-        yield
+        with leased(root, Work.ALONE if how == fcntl.LOCK_EX else Work.WRITING):
+            yield
         return
     patience = Patience(root)
     try:

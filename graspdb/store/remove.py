@@ -12,12 +12,13 @@ import pyarrow.compute as pc
 from deltalake import DeltaTable
 from deltalake.exceptions import CommitFailedError, DeltaError
 
-from graspdb.store.commit import append_rows, fresh_id, quoted, stamped, write_rows
+from graspdb.store.commit import append_rows, fresh_id, stamped, write_rows
 from graspdb.store.content import content_key
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import bring_up_to_date, first_line, read_rows
 from graspdb.store.location import Location
 from graspdb.store.lock import writing
+from graspdb.store.open_tables import quoted
 from graspdb_schemas.errors import DatabaseError, ParameterError, nearest
 from graspdb_schemas.tables import TABLES
 

@@ -5,22 +5,28 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import compress
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from deltalake import DeltaTable
 from deltalake.exceptions import DeltaError
 
-from graspdb.store.compacted import free_of_dead_rows, written_rows
+from graspdb.store.compacted import WrittenRows, free_of_dead_rows
 from graspdb.store.fence import Patience
 from graspdb.store.history import AsOf, tables_as_of
-from graspdb.store.layout import first_line, open_table, read_rows, stored_format, written_format
-from graspdb.store.location import Location, ObjectStorage
+from graspdb.store.layout import first_line, open_table, stored_format, written_format
+from graspdb.store.location import Location, ObjectStorage, open_parquet
+from graspdb.store.stored_rows import for_each_file
 from graspdb_queries.source import TableSource
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import SCHEMA_VERSION, SESSION_TABLES, TABLES, TRIAL_TABLES
+
+_TEXT: Final = pa.string()
+_COUNTS: Final = TABLES["trials"].field("table_rows").type
 
 _PLAIN_NAME: Final = re.compile(r"[\w.-]+\.parquet")
 
@@ -57,10 +63,13 @@ class CommittedIds:
         Those of the trials' own rows.
     context : pyarrow.Array of string
         Those of the session-level rows that trials stand on.
+    table_rows : pyarrow.MapArray of string to integer
+        How many rows each trial has in other tables; null where its row does not say.
     """
 
     trials: pa.Array
     context: pa.Array
+    table_rows: pa.MapArray
 
     def of(self, name: str) -> pa.Array:
         """Return the ids that are visible in a table."""
@@ -95,13 +104,13 @@ def take_snapshot(root: Location, as_of: AsOf | None = None) -> Snapshot:
 def snapshot_of(root: Location, tables: Mapping[str, DeltaTable]) -> Snapshot:
     """Return the snapshot that open tables are."""
     trials = tables["trials"]
-    ids = committed_ids(trials)
-    rows = cache(lambda: read_rows("trials", trials, ["ingest_id", "table_rows"]))
+    ids = committed_ids(root, trials)
+    written = cache(lambda: WrittenRows(ids.trials, ids.table_rows))
     return Snapshot(
         path=root,
         format=stored_format(trials),
         versions={name: table.version() for name, table in tables.items()},
-        sources={name: _source(root, name, table, rows, ids.of(name)) for name, table in tables.items()},
+        sources={name: _source(root, name, table, written, ids.of(name)) for name, table in tables.items()},
     )
 
 
@@ -112,17 +121,47 @@ def latest_tables(root: Location) -> dict[str, DeltaTable]:
     while True:
         tables = {name: trials if name == "trials" else open_table(root, name) for name in TABLES}
         latest = open_table(root, "trials")
-        if latest.version() == trials.version() or committed_ids(trials).all_in(committed_ids(latest)):
+        if latest.version() == trials.version() or _still_named(root, trials, latest):
             return tables
         trials = latest
         patience.pause()
 
 
-def committed_ids(trials: DeltaTable) -> CommittedIds:
-    """Return the ingest_ids that a version of `trials` makes visible."""
-    rows = read_rows("trials", trials, ["ingest_id", "context"])
-    context = rows["context"].combine_chunks().flatten().unique()
-    return CommittedIds(rows["ingest_id"].combine_chunks().unique(), context)
+def _still_named(root: Location, trials: DeltaTable, latest: DeltaTable) -> bool:
+    return committed_ids(root, trials).all_in(committed_ids(root, latest))
+
+
+def committed_ids(root: Location, trials: DeltaTable) -> CommittedIds:
+    """Return the ingest_ids that a version of `trials` makes visible.
+
+    Raises
+    ------
+    DatabaseError
+        A file of it is missing or damaged.
+    """
+    try:
+        parts = for_each_file(_ids_in, table_files(root, "trials", trials).paths.to_pylist())
+    except (OSError, pa.ArrowException) as error:
+        raise DatabaseError(
+            root, f"table 'trials' cannot be read: {first_line(error)}", "Restore the folder from a copy."
+        ) from error
+    columns = [
+        pa.chunked_array([part[i] for part in parts], kind) for i, kind in enumerate((_TEXT, _TEXT, _COUNTS))
+    ]
+    return CommittedIds(columns[0].combine_chunks(), columns[1].unique(), columns[2].combine_chunks())
+
+
+def _ids_in(file: str) -> tuple[pa.Array, pa.Array, pa.Array]:
+    """Return what `CommittedIds` says of one file; its texts may be of any type that Arrow has for texts."""
+    with open_parquet(file, repeated=["context.list.element"]) as parquet:
+        rows = parquet.read(columns=["ingest_id", "context", "table_rows"])
+    ids, context, table_rows = (
+        rows[name].combine_chunks() for name in ("ingest_id", "context", "table_rows")
+    )
+    named = context.flatten()
+    if not pa.types.is_dictionary(named.type):
+        named = named.cast(_TEXT)
+    return ids.cast(_TEXT), named.unique().cast(_TEXT), table_rows.cast(_COUNTS)
 
 
 @dataclass(frozen=True)
@@ -143,6 +182,11 @@ class TableFiles:
     n_rows: pa.Array
     least: pa.Array
     greatest: pa.Array
+
+    def filter(self, mask: pa.Array) -> "TableFiles":
+        """Return some of the files."""
+        columns = (self.paths, self.n_rows, self.least, self.greatest)
+        return TableFiles(*(column.filter(mask) for column in columns))
 
     @property
     def single(self) -> pa.Array:
@@ -196,26 +240,25 @@ def _column(actions: pa.Table, name: str) -> pa.Array:
 
 
 def _source(
-    root: Location, name: str, table: DeltaTable, table_rows: Callable[[], pa.Table], committed: pa.Array
+    root: Location, name: str, table: DeltaTable, written: Callable[[], WrittenRows], committed: pa.Array
 ) -> TableSource:
     """Tell files of which all rows count from those of which some do; leave out the others."""
     files = table_files(root, name, table)
     may_lack = written_format(table) < SCHEMA_VERSION
-    if name == "trials":
-        return TableSource(files=tuple(files.paths.to_pylist()), may_lack_columns=may_lack)
-    seen = pc.or_(pc.invert(files.single), pc.is_in(files.least, committed))
-    files = TableFiles(
-        *(column.filter(seen) for column in (files.paths, files.n_rows, files.least, files.greatest))
-    )
-    whole = files.single
-    if name in TRIAL_TABLES and pc.any(pc.invert(whole)).as_py():
-        ids, written = written_rows(table_rows(), name)
-        whole = pc.or_(
-            whole, pa.array(free_of_dead_rows(files.least, files.greatest, files.n_rows, ids, written))
-        )
+    single = files.single
+    if name != "trials" and pc.any(single).as_py():
+        files = files.filter(pc.or_(pc.invert(single), pc.is_in(files.least, committed)))
+        single = files.single
+    whole = np.ones(len(single), bool) if name == "trials" else single.to_numpy(zero_copy_only=False)
+    if name in TRIAL_TABLES and not whole.all():
+        rows = written().within(name)
+        whole |= free_of_dead_rows(files.least, files.greatest, files.n_rows, rows)
+    whole &= files.n_rows.is_valid().to_numpy(zero_copy_only=False)
+    paths, counts = files.paths.to_pylist(), files.n_rows.to_pylist()
     return TableSource(
-        files=tuple(files.paths.filter(whole).to_pylist()),
-        mixed_files=tuple(files.paths.filter(pc.invert(whole)).to_pylist()),
+        files=tuple(compress(paths, whole)),
+        n_rows=tuple(compress(counts, whole)),
+        mixed_files=tuple(compress(paths, ~whole)),
         committed=committed,
         may_lack_columns=may_lack,
     )

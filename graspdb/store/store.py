@@ -1,6 +1,6 @@
 """The store: a folder of Delta Lake tables that trials are committed to and snapshots taken of."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from typing import Self
 
@@ -15,15 +15,15 @@ from graspdb.store.committed import (
     committed_trials,
 )
 from graspdb.store.content import Unit, units
-from graspdb.store.layout import create, open_table
+from graspdb.store.layout import create
 from graspdb.store.location import Location, ObjectStorage, location
+from graspdb.store.open_tables import OpenTables
 from graspdb.store.optimize import SAFE_RETENTION, OptimizedTable, optimize
 from graspdb.store.remove import Kind, Removed, remove
 from graspdb.store.snapshot import Snapshot, take_snapshot
 from graspdb.store.sweep import sweep
 from graspdb_ingest.calibration_set import CalibratedHand
 from graspdb_ingest.trial_tables import TrialTables
-from graspdb_schemas.tables import TABLES
 
 
 class Store:
@@ -38,9 +38,9 @@ class Store:
         Where it is.
     """
 
-    def __init__(self, path: Location, tables: Mapping[str, DeltaTable]) -> None:
+    def __init__(self, path: Location) -> None:
         self.path = path
-        self._tables = tables
+        self._tables = OpenTables(path)
         self._shared: dict[str, tuple[Unit, ...]] = {}
 
     @classmethod
@@ -52,9 +52,7 @@ class Store:
         DatabaseError
             The folder is no database, or one of a newer format, or damaged.
         """
-        root = location(path)
-        open_table(root, "trials")
-        return cls(root, {name: open_table(root, name) for name in TABLES})
+        return cls(location(path))
 
     @classmethod
     def create_or_open(cls, path: str | PathLike[str] | ObjectStorage) -> Self:

@@ -1,6 +1,8 @@
-"""The rows of a table on disk, ingest by ingest, with hardly more than one ingest in memory."""
+"""The rows of a table on disk: some columns of all, or ingest by ingest, hardly more than one in memory."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -8,6 +10,19 @@ import pyarrow as pa
 from graspdb.store.location import open_parquet
 from graspdb_schemas.conform import rows_schema
 from graspdb_schemas.tables import TABLES
+
+T = TypeVar("T")
+
+_FILES_AT_ONCE: Final = 8
+"""Files that are read side by side."""
+
+
+def for_each_file(read: Callable[[str], T], files: Sequence[str]) -> list[T]:
+    """Return what is read from each file; those of object storage take their time, and so come together."""
+    if len(files) < 2:
+        return [read(file) for file in files]
+    with ThreadPoolExecutor(_FILES_AT_ONCE) as pool:
+        return list(pool.map(read, files))
 
 
 def ingests(

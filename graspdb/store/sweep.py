@@ -8,11 +8,11 @@ import pyarrow.compute as pc
 from deltalake import CommitProperties, DeltaTable, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
-from graspdb.store.commit import quoted
 from graspdb.store.fence import SWEEP, Patience, commit_properties, generation
 from graspdb.store.layout import first_line
 from graspdb.store.location import Location, open_parquet
 from graspdb.store.lock import writing
+from graspdb.store.open_tables import quoted
 from graspdb.store.snapshot import CommittedIds, committed_ids, table_files
 from graspdb_schemas.errors import DatabaseError
 from graspdb_schemas.tables import TABLES
@@ -51,7 +51,7 @@ def sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
 def _sweep(root: Location, tables: Mapping[str, DeltaTable]) -> dict[str, int]:
     found = {name: _ingest_ids(root, name, tables[name]) for name in TABLES if name != "trials"}
     tables["trials"].update_incremental()
-    if not any(len(ids) for ids in _dead(found, committed_ids(tables["trials"])).values()):
+    if not any(len(ids) for ids in _dead(found, committed_ids(root, tables["trials"])).values()):
         return {}
     committed = _bar_unfinished(root, tables["trials"])
     number = generation(tables["trials"])
@@ -84,7 +84,7 @@ def _bar_unfinished(root: Location, trials: DeltaTable) -> CommittedIds:
     """Commit a sweep to `trials`, and return what is committed at that version."""
     patience = Patience(root)
     while True:
-        committed = committed_ids(trials)
+        committed = committed_ids(root, trials)
         try:
             write_deltalake(
                 trials,

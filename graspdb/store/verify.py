@@ -8,10 +8,10 @@ from typing import Any, Final
 import pyarrow as pa
 from deltalake import DeltaTable
 
-from graspdb.store.commit import content_key_of
 from graspdb.store.content import content_key
 from graspdb.store.layout import open_table, written_format
 from graspdb.store.location import Location, open_parquet, size_of
+from graspdb.store.open_tables import content_key_of
 from graspdb.store.references import broken_references
 from graspdb.store.snapshot import TableFiles, latest_tables, snapshot_of, table_files
 from graspdb.store.stored_rows import ingests

@@ -8,7 +8,7 @@ from pathlib import Path
 import duckdb
 
 from graspdb_queries.object_storage import read_through
-from graspdb_queries.source import TableSource
+from graspdb_queries.source import TableSource, files_of
 from graspdb_queries.views import build_database
 from graspdb_schemas.errors import QueryError
 
@@ -38,7 +38,7 @@ def write_duckdb(path: Path, sources: Mapping[str, TableSource]) -> None:
     unfinished = path.parent / f".{path.name}-{uuid.uuid4().hex}"
     try:
         with duckdb.connect(str(unfinished)) as connection:
-            read_through(connection, [file for source in sources.values() for file in source.files])
+            read_through(connection, files_of(sources))
             build_database(connection, sources)
         # Unlike a renamed file, a link takes nobody's place.
         os.link(unfinished, path)

@@ -12,10 +12,11 @@ from typing import Any, Final, Self, TypeVar
 import duckdb
 import pyarrow as pa
 
-from graspdb_queries.explain import NOT_A_QUERY, query_error
+from graspdb_queries.explain import query_error
 from graspdb_queries.object_storage import read_through
 from graspdb_queries.result import Result
-from graspdb_queries.source import TableSource
+from graspdb_queries.source import TableSource, files_of
+from graspdb_queries.statements import read_only
 from graspdb_queries.views import build_database
 from graspdb_schemas.errors import ParameterError, QueryError, nearest
 
@@ -32,7 +33,8 @@ class Engine:
     """Answers SQL over one snapshot of a database; reads its Parquet files, and nothing else.
 
     Before the first query the engine is locked: no file but those of the snapshot can be opened, no
-    extension loaded, no setting changed. Only SELECT statements are run.
+    extension loaded, no setting changed. Only SELECT statements are run, of which all parts read: what may be
+    opened may also be written to otherwise.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ class Engine:
             },
         )
         try:
-            read_through(self._connection, _files(sources))
+            read_through(self._connection, files_of(sources))
             build_database(self._connection, sources)
             self._lock(sources)
         except duckdb.Error as error:
@@ -122,7 +124,7 @@ class Engine:
         """Leave the snapshot's files as the only ones that can be opened, for good."""
         # The files of a snapshot never change, so their footers are read once.
         self._connection.execute("SET parquet_metadata_cache = true")
-        self._connection.execute("SET allowed_paths = $files", {"files": _files(sources)})
+        self._connection.execute("SET allowed_paths = $files", {"files": files_of(sources)})
         self._connection.execute("SET enable_external_access = false")
         self._connection.execute("SET lock_configuration = true")
 
@@ -130,18 +132,9 @@ class Engine:
         self, cursor: duckdb.DuckDBPyConnection, statement: str, parameters: Mapping[str, Any]
     ) -> dict[str, Any] | None:
         """Return the parameters to bind, having checked that the statement only reads."""
-        if not _is_utf8(statement):
-            raise QueryError("the query is not UTF-8 text", NOT_A_QUERY)
         with _explained(statement):
-            parsed = cursor.extract_statements(statement)
-        if len(parsed) != 1:
-            raise QueryError(f"found {len(parsed)} statements, and one can be answered", NOT_A_QUERY)
-        kind = _kind(parsed[0])
-        if kind == duckdb.StatementType.MULTI:
-            raise QueryError("PIVOT has to be told its values", "Write PIVOT ... ON column IN (value, ...).")
-        if kind != duckdb.StatementType.SELECT:
-            raise QueryError(f"found a statement of kind {kind.name if kind else 'unknown'}", NOT_A_QUERY)
-        wanted = sorted(parsed[0].named_parameters)
+            parsed = read_only(cursor, statement)
+        wanted = sorted(parsed.named_parameters)
         for name in parameters:
             if name not in wanted:
                 allowed = ", ".join(wanted) or "none, for the query has no parameters"
@@ -221,27 +214,6 @@ def _interruptible(cursor: duckdb.DuckDBPyConnection, work: Callable[[], T]) -> 
             cursor.interrupt()
             helper.join(_GLANCE)
         raise
-
-
-def _files(sources: Mapping[str, TableSource]) -> list[str]:
-    return [file for source in sources.values() for file in (*source.files, *source.mixed_files)]
-
-
-def _kind(statement: duckdb.Statement) -> duckdb.StatementType | None:
-    """Return the kind of a statement, None for one of which DuckDB's Python package has no name."""
-    try:
-        return duckdb.StatementType(statement.type)
-    except ValueError:
-        return None
-
-
-def _is_utf8(text: str) -> bool:
-    """Whether a text is free of lone surrogates, which stand for undecodable bytes of a command line."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 @contextmanager

@@ -8,11 +8,12 @@ fsspec.
 import threading
 from collections.abc import Iterable
 from datetime import UTC, datetime
-from typing import Any, Final
-
-import duckdb
+from typing import TYPE_CHECKING, Any, Final
 
 from graspdb_schemas.errors import MissingLibraryError
+
+if TYPE_CHECKING:
+    import duckdb
 
 OPTIONS: Final = {
     "aws_conditional_put": "etag",
@@ -44,7 +45,7 @@ def open_object(url: str) -> Any:
     return DeltaStorageHandler(place, OPTIONS).open_input_file(name)
 
 
-def read_through(connection: duckdb.DuckDBPyConnection, files: Iterable[str]) -> None:
+def read_through(connection: "duckdb.DuckDBPyConnection", files: Iterable[str]) -> None:
     """Let a connection read files of which the names are URLs, if any are.
 
     Raises

@@ -14,6 +14,7 @@ from graspdb.store import Store
 
 FEW, MANY, VERY_MANY = 10, 10_000, 100_000
 REPEATS = 15
+UNCHANGED, RATE = 100, 120.0
 
 
 @benchmark("add a trial")
@@ -69,3 +70,42 @@ def many_trials() -> Result:
         unit="s",
         note="against the 2 s that are allowed, after graspdb optimize; a whole process",
     )
+
+
+@benchmark("unchanged trials")
+def unchanged_trials() -> Result:
+    """Time ingesting a session again of which nothing has changed, the hashes of its files included."""
+    sys.path.append(str(Path(__file__).resolve().parents[1]))
+    from tiny_session import write_tiny_session
+
+    with TemporaryDirectory() as folder:
+        session = write_tiny_session(Path(folder) / "session", UNCHANGED, rate=RATE)
+        runs = [
+            float(
+                subprocess.run(
+                    [sys.executable, "-c", _INGEST, str(session), str(Path(folder) / "db")],
+                    check=True,
+                    capture_output=True,
+                    text=True,
+                ).stdout
+            )
+            for _ in range(1 + 5)
+        ]
+        megabytes = next(session.glob("trials/*.c3d")).stat().st_size / 1e6
+    return Result(
+        f"skip {UNCHANGED} unchanged trials, each",
+        ours=1e3 * median(runs[1:]) / UNCHANGED,
+        peer=1e3 * runs[0] / UNCHANGED,
+        unit="ms",
+        note=f"peer: ingesting them, half a second of {megabytes:.1f} MB each; after the imports",
+    )
+
+
+_INGEST = """
+import sys
+from time import perf_counter
+from graspdb.ingestion import ingest
+start = perf_counter()
+ingest(sys.argv[1], sys.argv[2])
+print(perf_counter() - start)
+"""

@@ -5,14 +5,21 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import duckdb
 import pytest
+import removed_person
+from deltalake.fs import DeltaStorageHandler
 from handmade import N_FRAMES, session_tables, trial_tables
+from pyarrow.fs import FileSelector
 from s3_server import BUCKET, s3_server
 from typer.testing import CliRunner
 
 import graspdb
 from graspdb.cli import app
-from graspdb.store import Outcome, Store
+from graspdb.store import Outcome, Store, fence, lease
+from graspdb.store.location import ObjectStorage
+from graspdb.store.lock import alone, writing
+from graspdb_queries.object_storage import OPTIONS, read_through
 from graspdb_schemas.errors import DatabaseError, QueryError
 from graspdb_schemas.tables import TABLES
 
@@ -132,3 +139,94 @@ def test_a_server_that_is_not_there_is_named(url: str, monkeypatch: pytest.Monke
 def test_a_place_with_other_things_is_left_alone(url: str) -> None:
     with pytest.raises(DatabaseError, match="not empty: it holds 'db'"):
         Store.create_or_open(url.removesuffix("/db"))
+
+
+@pytest.fixture(scope="module")
+def person() -> str:
+    """Return a database with a person who is to be removed."""
+    place = f"s3://{BUCKET}/study/db"
+    removed_person.fill(place)
+    return place
+
+
+def object_names(place: str) -> list[str]:
+    """Return the names of all objects of a database."""
+    found = DeltaStorageHandler(place, OPTIONS).get_file_info_selector(FileSelector("", recursive=True))
+    return [info.path for info in found if info.is_file]
+
+
+def test_earlier_states_are_listed_and_read(person: str) -> None:
+    told = CliRunner().invoke(app, ["info", "--history", "--db", person]).stdout.splitlines()
+    assert [line.split()[0] for line in told[:-1]] == ["5", "4", "3", "2", "1", "0"]
+    assert "1 trials replaced" in told[0]
+    with graspdb.open(person, as_of=2) as database:
+        assert database.info().rows["trials"] == 2
+        assert database.sql("SELECT count(*) FROM frames").rows() == [(2 * N_FRAMES,)]
+
+
+def test_exports_hold_the_grasps(person: str, tmp_path: Path) -> None:
+    with graspdb.open(person) as database:
+        assert database.export("parquet", tmp_path / "parquet").counts == {"grasps": 4}
+        database.export("duckdb", tmp_path / "views.duckdb")
+    # Any other client of DuckDB reads S3 by its extension httpfs.
+    with duckdb.connect(str(tmp_path / "views.duckdb"), read_only=True) as views:
+        read_through(views, [person])
+        assert views.sql("SELECT count(*) FROM grasps").fetchall() == [(4,)]
+
+
+def leases(place: str) -> list[str]:
+    """Return what those who are at work say that they are at."""
+    return [name.partition("-")[0] for name in object_names(f"{place}/trials/{lease.LEASES}")]
+
+
+def test_who_may_be_writing_is_waited_for(person: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    storage = DeltaStorageHandler(f"{person}/trials/{lease.LEASES}", OPTIONS)
+    storage.open_output_stream("writing-killed").close()
+    root = ObjectStorage(person)
+    with writing(root):
+        assert leases(person) == ["writing", "writing"]
+    with monkeypatch.context() as patched:
+        patched.setattr(fence, "_PATIENCE", 0)
+        with (
+            pytest.raises(DatabaseError, match=r"trials/_graspdb/writing-killed is there\. Run again"),
+            alone(root),
+        ):
+            pass
+    monkeypatch.setattr(lease, "_LONGEST", -1)
+    with alone(root):
+        assert leases(person) == ["alone"]
+    assert leases(person) == []
+
+
+def test_nobody_writes_while_young_files_are_deleted(person: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fence, "_PATIENCE", 0)
+    store = Store.open(person)
+    with alone(store.path):
+        with pytest.raises(DatabaseError, match="somebody else is at work"):
+            store.commit_trial(trial_tables(7))
+        with pytest.raises(DatabaseError, match="somebody else is at work"), alone(store.path):
+            pass
+        assert leases(person) == ["alone"]
+
+
+def tables_with_traces(place: str) -> set[str]:
+    """Return the tables of a database with objects that have traces of the person."""
+    storage = DeltaStorageHandler(place, OPTIONS)
+    return {
+        name.partition("/")[0]
+        for name in object_names(place)
+        if removed_person.is_trace(name, storage.open_input_file(name).read())
+    }
+
+
+def test_what_is_removed_leaves_no_byte_and_damage_is_found(person: str) -> None:
+    assert len(graspdb.remove(person, "subject", [f"s/{removed_person.PERSON}"]).trials) == 2
+    assert tables_with_traces(person) >= {"sessions", "subjects", "hands", "trials", "frames"}
+    done = graspdb.optimize(person, retention_hours=0)
+    assert done["frames"].swept == 3 * N_FRAMES
+    assert (done["frames"].files_after, done["frames"].vacuumed) == (1, 5)
+    assert tables_with_traces(person) == set()
+    assert graspdb.verify(person).whole
+    (file,) = (name for name in object_names(person) if name.startswith("grasps/part"))
+    DeltaStorageHandler(person, OPTIONS).delete_file(file)
+    assert graspdb.verify(person).tables["grasps"].problems == (f"file {Path(file).name} is missing",)

@@ -4,10 +4,12 @@ import operator
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import wait
 from pathlib import Path
 
 import pytest
 
+from graspdb import engines
 from graspdb.engines import CALLS_FOR_A_WORKER, Engine, EngineError, LocalEngine, make_engine
 from graspdb_schemas.errors import ParameterError
 
@@ -58,12 +60,43 @@ def test_a_lost_worker_is_said_and_the_next_engine_works() -> None:
     with pytest.raises(EngineError, match="fewer --workers"), LocalEngine(WORKERS) as engine:
         list(engine.run(os._exit, [(9,)]))
     with LocalEngine(WORKERS) as engine:
-        assert list(engine.run(abs, [(-3,)])) == [[3]]
+        assert [value for done in engine.run(abs, [(-3,)]) for value in done] == [3]
 
 
 def test_what_a_call_raises_is_raised(engine: Engine) -> None:
     with pytest.raises(ZeroDivisionError):
         list(engine.run(operator.truediv, [(1, 0)]))
+
+
+def test_nothing_done_is_lost_where_a_call_fails() -> None:
+    taken: list[float] = []
+
+    def take(engine: Engine) -> None:
+        for done in engine.run(operator.truediv, [(6, 2), (1, 0), (8, 2)]):
+            taken.extend(done)
+
+    with LocalEngine(WORKERS) as engine:
+        with pytest.raises(ZeroDivisionError):
+            take(engine)
+        wait(engine._under_way)
+        assert sorted([*taken, *engine.finished()]) == [3, 4]
+
+
+def test_what_was_taken_is_not_finished_again(engine: Engine) -> None:
+    assert engine.finished() == []
+    list(engine.run(abs, [(-3,), (2,)]))
+    assert engine.finished() == []
+
+
+def test_silence_is_broken_by_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(engines, "LONGEST_SILENCE", 0.01)
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    with LocalEngine(WORKERS) as engine:
+        results = engine.run(Path.read_text, [(gate,)])
+        assert next(results) == []
+        gate.write_text("open")
+        assert [text for done in results for text in done] == ["open"]
 
 
 def test_workers_leave_ctrl_c_to_the_process_that_commits() -> None:
@@ -76,7 +109,7 @@ def test_workers_leave_ctrl_c_to_the_process_that_commits() -> None:
 
 def test_threads_of_workers_do_not_fight() -> None:
     with LocalEngine(WORKERS) as engine:
-        (found,) = engine.run(os.getenv, [("OPENBLAS_NUM_THREADS",)])
+        found = [value for done in engine.run(os.getenv, [("OPENBLAS_NUM_THREADS",)]) for value in done]
     assert found == ["1"]
 
 

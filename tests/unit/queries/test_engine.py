@@ -31,9 +31,10 @@ def write_contacts(path: Path, ingests: dict[str, int]) -> str:
     return str(path)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a database's folder with something beside it that is nobody's business."""
+    tmp_path = tmp_path_factory.mktemp("attacked")
     (tmp_path / "secret.csv").write_text("secret\n8675309\n")
     pq.write_table(pa.table({"secret": [8675309]}), tmp_path / "secret.parquet")
     (tmp_path / "db").mkdir()
@@ -42,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "db"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def engine(folder: Path) -> Iterator[Engine]:
     sources = {name: TableSource() for name in TABLES}
     sources["contacts"] = TableSource(
@@ -264,6 +265,69 @@ ATTACKS = [
     "SELECT * FROM glob('/*')",
     "SELECT * FROM read_text('/proc/self/cmdline')",
     "PIVOT contacts ON site USING count(*)",
+    "WITH x AS (COPY (SELECT 1) TO '{db}/a.parquet' (FORMAT csv, USE_TMP_FILE false)) FROM x",
+    "WITH x AS MATERIALIZED (COPY (SELECT 1) TO '{db}/b.parquet' (USE_TMP_FILE false)) SELECT 1",
+    "WITH x AS (COPY contacts TO '{outside}/stolen.csv') SELECT 1",
+    "WITH x AS (INSERT INTO internal.committed_contacts VALUES ('dead') RETURNING *) FROM x",
+    "WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x",
+    "WITH x AS (UPDATE internal.committed_contacts SET ingest_id = 'dead') SELECT 1",
+    "WITH x AS (TRUNCATE internal.committed_contacts) SELECT 1",
+    "WITH y AS (SELECT 1), x AS (WITH y AS (SELECT 1) DELETE FROM internal.committed_contacts) FROM y",
+    "WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x UNION ALL SELECT 'x'",
+    "/* */ wItH x(a) aS (dElEtE fRoM internal.committed_contacts rEtUrNiNg *) SELECT 'DELETE', a FROM x",
+    "FROM (WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x)",
+    "SELECT * FROM query('WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x')",
+    "SELECT * FROM json_execute_serialized_sql(json_serialize_sql("
+    "'WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x'))",
+    "SELECT * FROM JSON_execute_serialized_sql(json_serialize_sql("
+    "'WITH x AS (COPY (SELECT 1) TO ''{db}/a.parquet'' (USE_TMP_FILE false)) FROM x'))",
+    "SELECT * FROM query('FROM json_execute_serialized_sql(json_serialize_sql("
+    "''WITH x AS (DELETE FROM internal.committed_contacts RETURNING *) FROM x''))')",
+    "SELECT * FROM system.main.\"query\"('SELECT 1')",
+    "SELECT * FROM contacts, LATERAL query('SELECT 1')",
+    "SELECT (SELECT count(*) FROM json_execute_serialized_sql(json_serialize_sql('SELECT 1')))",
+    "WITH x AS (FROM \"json_execute_serialized_sql\"(json_serialize_sql('SELECT 1'))) FROM x",
+    "PRAGMA json_execute_serialized_sql('x')",
+    "PRAGMA copy_database('memory', 'x')",
+    "SELECT * FROM read_duckdb('{outside}/secret.csv')",
+    "FROM '{outside}/other.duckdb'",
+    "SELECT * FROM read_single_csv_file('{outside}/secret.csv')",
+    "SELECT * FROM read_single_json_file('{outside}/secret.csv')",
+    "SELECT * FROM read_single_parquet_file('{outside}/secret.parquet')",
+    "SELECT * FROM read_json_objects_auto('{outside}/secret.csv')",
+    "SELECT * FROM read_ndjson_auto('{outside}/secret.csv')",
+    "SELECT * FROM parquet_full_metadata('{outside}/secret.parquet')",
+    "SELECT * FROM create_external_resource('file')",
+    "SELECT * FROM register_external_resource_type('x')",
+    "SELECT * FROM deregister_external_resource('x')",
+    "SELECT * FROM disable_profiling()",
+    "SELECT * FROM duckdb_extension_repositories()",
+    "SELECT * FROM pragma_table_info('{outside}/secret.csv')",
+    "CREATE VIEW v AS SELECT * FROM read_text('{outside}/secret.csv')",
+    "CREATE TEMP VIEW v AS SELECT * FROM read_text('{outside}/secret.csv')",
+    "CREATE MACRO f() AS TABLE SELECT * FROM read_text('{outside}/secret.csv')",
+    "CREATE TEMP MACRO f() AS (SELECT content FROM read_text('{outside}/secret.csv'))",
+    "WITH v AS MATERIALIZED (FROM read_text('{outside}/secret.csv')) FROM v",
+    "WITH v(x) AS NOT MATERIALIZED (FROM glob('{outside}/*')) SELECT count(*) FROM v",
+    "SELECT list_transform([1], lambda x: (SELECT content FROM read_text('{outside}/secret.csv')))",
+    "SELECT * FROM contacts ORDER BY (SELECT content FROM read_text('{outside}/secret.csv'))",
+    "SELECT * FROM contacts LIMIT (SELECT length(content) FROM read_text('{outside}/secret.csv'))",
+    "SELECT count(*) FILTER (EXISTS (FROM read_text('{outside}/secret.csv'))) FROM contacts",
+    "SELECT * FROM read_csv('http://127.0.0.1:9/x.csv')",
+    "SELECT * FROM read_parquet('s3://bucket/x.parquet')",
+    "SELECT * FROM read_text('gcs://bucket/x')",
+    "SELECT * FROM read_text('az://bucket/x')",
+    "SELECT * FROM 'https://example.org/x.parquet'",
+    "ATTACH 'https://example.org/x.db'",
+    "ATTACH 'postgres:dbname=x' (TYPE postgres)",
+    "LOAD json",
+    "SET extension_directory = '{outside}'",
+    "SET custom_extension_repository = '{outside}'",
+    "SET log_query_path = '{outside}/log'",
+    "SET allowed_directories = ['/']",
+    "SET secret_directory = '{outside}'",
+    "EXPORT DATABASE '{outside}/export' (FORMAT parquet)",
+    "COPY (FROM contacts) TO '{outside}/stolen' (FORMAT parquet, PARTITION_BY (site))",
     "",
     "-- nothing",
     ";",
@@ -325,7 +389,20 @@ def test_errors_on_later_rows_are_explained_too(engine: Engine) -> None:
 
 
 @pytest.mark.parametrize(
-    "statement", ["DESCRIBE contacts", "SHOW TABLES", "SUMMARIZE contacts", "FROM contacts", "VALUES (1)"]
+    "statement",
+    [
+        "DESCRIBE contacts",
+        "SHOW TABLES",
+        "SUMMARIZE contacts",
+        "FROM contacts",
+        "VALUES (1)",
+        "WITH RECURSIVE r AS (SELECT 1 AS i UNION ALL SELECT i + 1 FROM r WHERE i < 3) FROM r",
+        "WITH x AS MATERIALIZED (FROM contacts) FROM x UNION ALL BY NAME FROM x",
+        "PIVOT contacts ON site IN ('thumb_tip') USING count(*)",
+        "FROM query_table(['contacts'])",
+        """SELECT '"type":"DELETE_QUERY_NODE","function_name":"query"' AS "copy", 1 AS query FROM contacts""",
+        f"SELECT {' + '.join(['1'] * 900)}",
+    ],
 )
 def test_other_forms_of_select_work(engine: Engine, statement: str) -> None:
     assert len(engine.sql(statement)) > 0

@@ -1,5 +1,6 @@
 """Files of several ingests are read without a filter only if all their rows count."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 import graspdb
 from graspdb.store import Store
-from graspdb.store.compacted import free_of_dead_rows
+from graspdb.store.compacted import RowsWithin, WrittenRows, free_of_dead_rows
 from graspdb.store.layout import open_table
 from graspdb.store.snapshot import take_snapshot
 from graspdb_schemas.tables import TRIAL_TABLES
@@ -30,6 +31,13 @@ def layouts(draw: st.DrawFn) -> tuple[Files, set[int]]:
     return [file for file in files if file], draw(st.sets(st.integers(0, n_ingests - 1)))
 
 
+def rows_within(written: Mapping[str, int | None]) -> RowsWithin | None:
+    """Return what ingests wrote to a table, of which they also wrote one row to another."""
+    said = [None if n is None else [("other", 1), ("frames", n)] for n in written.values()]
+    of_tables = pa.array(said, pa.map_(pa.string(), pa.int32()))
+    return WrittenRows(pa.array(list(written), pa.string()), of_tables).within("frames")
+
+
 @given(layout=layouts())
 def test_no_file_with_dead_rows_is_taken_whole(layout: tuple[Files, set[int]]) -> None:
     files, committed = layout
@@ -40,8 +48,7 @@ def test_no_file_with_dead_rows_is_taken_whole(layout: tuple[Files, set[int]]) -
         pa.array([f"{min(file)[0]:03}" for file in read], pa.string()),
         pa.array([f"{max(file)[0]:03}" for file in read], pa.string()),
         pa.array([sum(n for _, n in file) for file in read], pa.int64()),
-        pa.array([f"{i:03}" for i in written], pa.string()),
-        pa.array(list(written.values()), pa.int32()),
+        rows_within({f"{i:03}": n for i, n in written.items()}),
     )
     clean = np.array([all(ingest in committed for ingest, _ in file) for file in read], bool)
     assert not (free & ~clean).any()
@@ -50,12 +57,11 @@ def test_no_file_with_dead_rows_is_taken_whole(layout: tuple[Files, set[int]]) -
 
 
 def test_what_is_not_known_is_filtered() -> None:
-    ids, rows = pa.array(["a", "b"]), pa.array([1, 1])
-    assert free_of_dead_rows(ids, ids, rows, ids, rows).all()
-    unknown = pa.array([1, None])
-    assert not free_of_dead_rows(ids, ids, unknown, ids, rows).any()
-    assert not free_of_dead_rows(ids, ids, rows, ids, unknown).any()
-    assert not free_of_dead_rows(pa.array(["a", None]), ids, rows, ids, rows).any()
+    ids, rows, within = pa.array(["a", "b"]), pa.array([1, 1]), rows_within({"a": 1, "b": 1})
+    assert free_of_dead_rows(ids, ids, rows, within).all()
+    assert not free_of_dead_rows(ids, ids, pa.array([1, None]), within).any()
+    assert not free_of_dead_rows(ids, ids, rows, rows_within({"a": 1, "b": None})).any()
+    assert not free_of_dead_rows(pa.array(["a", None]), ids, rows, within).any()
 
 
 def counts(path: Path) -> dict[str, int]:

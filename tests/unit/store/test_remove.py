@@ -1,69 +1,28 @@
 """What is removed is gone for readers at once, and from the disk after optimize without retention."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from handmade import N_FRAMES, rows, session_tables, trial_tables
+from handmade import N_FRAMES, session_tables, trial_tables
+from removed_person import PERSON, fill, is_trace
 
 import graspdb
 from graspdb.store import Store
-from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import ParameterError
 from graspdb_schemas.tables import TABLES
-
-PERSON = "zebediah"
-MEASURE = 0.18734509
-"""Length of the person's hand, and a number in every table of the trials."""
-
-
-def manifest(trials: list[tuple[str, str]]) -> str:
-    people = {"anna": {"hand_length": 190}, PERSON: {"hand_length": MEASURE}}
-    entries = [{"file": f"trials/{name}.c3d", "subject": subject} for name, subject in trials]
-    return json.dumps({"subjects": people, "trials": entries})
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
-    """Return a session of two people, taken in one by one, with one trial redone."""
-    opened = Store.create_or_open(tmp_path / "db")
-    shared = dict(session_tables(subjects=["anna", PERSON]).tables)
-    text = manifest([("anna_mug_0", "anna"), (f"{PERSON}_mug_0", PERSON), (f"{PERSON}_mug_1", PERSON)])
-    shared["sessions"] = rows("sessions", {"session": "s", "manifest": text})
-    opened.commit_session(TrialTables(shared))
-    for number in range(2):
-        opened.commit_trial(trial_tables(number))
-        opened.commit_trial(marked(number))
-    opened.commit_trial(marked(1), force=True)
-    return opened
+    return fill(tmp_path / "db")
 
 
-def marked(number: int) -> TrialTables:
-    """Return a trial of the person, with the measure among its numbers."""
-    tables = dict(trial_tables(number, subject=PERSON, residual_rms=MEASURE).tables)
-    frames = tables["frames"].to_pylist()
-    tables["frames"] = rows("frames", *(frame | {"q": [MEASURE] * 30} for frame in frames))
-    return TrialTables(tables)
-
-
-def traces(path: Path) -> Iterator[str]:
-    """Yield every file with a trace of the person, in its bytes or in what they decode to."""
-    patterns = [PERSON.encode(), str(MEASURE).encode(), np.float64(MEASURE).tobytes()]
-    for file in path.rglob("*"):
-        if not file.is_file():
-            continue
-        content = file.read_bytes()
-        if file.suffix == ".parquet":
-            with pq.ParquetFile(file) as parquet:
-                content += repr(parquet.read().to_pylist()).encode() + repr(parquet.metadata).encode()
-                for group in range(parquet.num_row_groups):
-                    content += repr(parquet.metadata.row_group(group).to_dict()).encode()
-        if any(pattern in content for pattern in patterns):
-            yield str(file.relative_to(path))
+def traces(path: Path) -> list[str]:
+    """Return every file with a trace of the person."""
+    files = [file for file in path.rglob("*") if file.is_file()]
+    return [str(file.relative_to(path)) for file in files if is_trace(file.name, file.read_bytes())]
 
 
 def test_a_subject_is_gone_and_after_optimize_no_byte_is_left(store: Store) -> None:
@@ -90,7 +49,7 @@ def test_a_subject_is_gone_and_after_optimize_no_byte_is_left(store: Store) -> N
         "grasps",
     }
     graspdb.optimize(store.path, retention_hours=0)
-    assert list(traces(store.path)) == []
+    assert traces(store.path) == []
     assert graspdb.verify(store.path).whole
     with graspdb.open(store.path) as database:
         assert database.table("frames").num_rows == 2 * N_FRAMES
@@ -100,7 +59,7 @@ def test_what_others_wrote_in_compacted_files_goes_too(store: Store) -> None:
     store.optimize()
     graspdb.remove(store.path, "subject", [f"s/{PERSON}"])
     graspdb.optimize(store.path, retention_hours=0)
-    assert list(traces(store.path)) == []
+    assert traces(store.path) == []
     assert graspdb.verify(store.path).whole
 
 
