@@ -118,6 +118,17 @@ def test_a_bad_list_says_what_is_wrong(tmp_path, text, found):
         read_cloud_times(path)
 
 
+def test_a_link_that_leads_out_of_the_folder_of_the_list_is_refused(tmp_path):
+    (tmp_path / "secret.ply").write_text("")
+    folder = tmp_path / "clouds"
+    folder.mkdir()
+    (folder / "a.ply").symlink_to(tmp_path / "secret.ply")
+    path = folder / "clouds.csv"
+    path.write_text("time,file\n0,a.ply\n")
+    with pytest.raises(RecordingError, match="no name of a file beside it"):
+        read_cloud_times(path)
+
+
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a simulated trial in which a depth camera sees the milk jug, which has no markers."""
