@@ -9,7 +9,7 @@ from graspdb_schemas.errors import DatabaseError
 T = TypeVar("T")
 
 PERIOD: Final = 4.0
-"""Time from one commit to the next where results come faster [s]; a commit takes a tenth of it at the most."""
+"""Time from one commit to the next where results come faster [s]; a commit takes a tenth of it, or less."""
 
 MOST_BYTES: Final = 64 * 2**20
 """Results that wait for their commit have so many bytes at most, and those of the last one."""
