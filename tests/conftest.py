@@ -1,6 +1,7 @@
 """Where tests find recordings that are not part of the repository."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,9 @@ from hypothesis import settings
 
 # pytest runs a process a core already; in it, one worker follows trials unless a test says otherwise.
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
+
+# A shell starts its background jobs with Ctrl-C ignored, and with that a test of an interrupt never ends.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples on every run, and no limit of time, which a busy machine would break.
 settings.register_profile("graspdb", derandomize=True, deadline=None)
