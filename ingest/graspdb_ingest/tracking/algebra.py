@@ -131,7 +131,7 @@ def solve(system: Floats) -> float:
     """Solve M X = B in place: from [M, B], shape (n, n + k), columns n and on become X; return log |det M|.
 
     Gaussian elimination with partial pivoting. For n about 30 it takes as long as LAPACK, whose call Numba
-    compiles for half a minute.
+    compiles for several seconds, again for each kind of array.
     """
     n, logarithm = len(system), 0.0
     for column in range(n):
