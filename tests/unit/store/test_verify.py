@@ -61,7 +61,7 @@ def test_a_database_is_whole_also_with_dead_rows_and_after_compaction(store: Sto
         ("features", lambda rows: rows.slice(0, 1), "are missing"),
         ("hands", column("radii", lambda v: [[0.02] * 20 for _ in v]), "rows of s/anna have changed"),
         ("object_points", column("area", lambda v: [*v[:-1], 1.0]), "rows of s/mug have changed"),
-        ("trials", column("task", lambda v: ["push", *v[1:]]), "the row of s/anna_mug_0 has changed"),
+        ("trials", column("task", lambda v: ["push" for _ in v]), "the row of s/anna_mug_0 has changed"),
         ("trials", lambda rows: pa.concat_tables([rows, rows]), "there more than once: s/anna_mug_"),
         ("objects", lambda rows: rows.slice(0, 0), "without exactly one row of their object"),
         ("subjects", lambda rows: rows.slice(0, 0), "without the row of their subject"),
