@@ -86,20 +86,20 @@ def normal_equations(jacobian: Floats, innovation: Floats, root_weight: Floats) 
     root_weight : ndarray, shape (n_markers,)
         One over each marker's standard deviation, 0 where it is not used.
     """
-    n = jacobian.shape[2]
-    used = np.flatnonzero(root_weight)
-    rows, normal = np.empty((3 * len(used), n)), np.zeros((n + 1, n))
-    score = normal[n]
-    for place in range(len(used)):
-        marker = used[place]
+    n, count = jacobian.shape[2], 0
+    rows, distances = np.empty((3 * len(root_weight), n)), np.empty(3 * len(root_weight))
+    for marker in range(len(root_weight)):
         weight = root_weight[marker]
-        for axis in range(3):
-            distance = weight * innovation[marker, axis]
-            row, derivatives = rows[3 * place + axis], jacobian[marker, axis]
-            for j in range(n):
-                row[j] = weight * derivatives[j]
-                score[j] += distance * row[j]
+        if weight:
+            for axis in range(3):
+                row, derivatives = rows[count], jacobian[marker, axis]
+                for j in range(n):
+                    row[j] = weight * derivatives[j]
+                distances[count] = weight * innovation[marker, axis]
+                count += 1
+    rows, normal = rows[:count], np.empty((n + 1, n))
     np.dot(rows.T, rows, normal[:n])
+    np.dot(distances[:count], rows, normal[n])
     return normal
 
 
@@ -172,7 +172,7 @@ def log_determinant(matrix: Floats) -> float:
 def corrected(blocks: Floats, inverse: Floats) -> Floats:
     """Return P - P H^T S^-1 H P, shape (4, n, n), with J^T S^-1 J = `inverse`, shape (n, n)."""
     n = len(inverse)
-    gain = np.dot(_left(blocks), inverse)
+    gain = np.dot(left_half(blocks), inverse)
     of_position, of_velocity = np.dot(gain, blocks[2]), np.dot(gain[n:], blocks[0])
     after = np.empty_like(blocks)
     for i in range(n):
@@ -226,8 +226,8 @@ def smoothed_covariance(matrix: Floats, columns: Floats) -> Floats:
 def _times(matrix: Floats, columns: Floats) -> Floats:
     """Return X C, shape (2 n, n), for columns C of shape (2 n, n)."""
     n = columns.shape[1]
-    product: Floats = np.dot(_left(matrix), columns[:n])
-    more = np.dot(_right(matrix), columns[n:])
+    product: Floats = np.dot(left_half(matrix), columns[:n])
+    more = np.dot(right_half(matrix), columns[n:])
     for i in range(2 * n):
         for j in range(n):
             product[i, j] += more[i, j]
@@ -235,13 +235,13 @@ def _times(matrix: Floats, columns: Floats) -> Floats:
 
 
 @compiled
-def _left(blocks: Floats) -> Floats:
+def left_half(blocks: Floats) -> Floats:
     """Return the columns of the positions, shape (2 n, n): a view."""
     return blocks[2:].reshape(2 * blocks.shape[1], blocks.shape[1])
 
 
 @compiled
-def _right(blocks: Floats) -> Floats:
+def right_half(blocks: Floats) -> Floats:
     """Return the columns of the velocities, shape (2 n, n): a view."""
     return blocks[:2].reshape(2 * blocks.shape[1], blocks.shape[1])
 

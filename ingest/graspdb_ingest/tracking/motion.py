@@ -153,8 +153,3 @@ def to_blocks(matrix: Floats) -> Blocks:
 def from_blocks(blocks: Blocks) -> Floats:
     """Return the matrix, shape (2 * n, 2 * n), that has these blocks."""
     return np.block([[blocks[2], blocks[0]], [blocks[3], blocks[1]]])
-
-
-def left_half(blocks: Blocks) -> Floats:
-    """Return the columns of the positions, shape (2 * n, n): a view."""
-    return blocks[2:].reshape(-1, blocks.shape[2])

@@ -20,10 +20,11 @@ from graspdb_ingest.tracking.algebra import (
     copy_matrix,
     copy_vector,
     disturbance,
+    left_half,
     smoothed_covariance,
 )
 from graspdb_ingest.tracking.filter import State, Update
-from graspdb_ingest.tracking.motion import Blocks, MotionModel, left_half
+from graspdb_ingest.tracking.motion import Blocks, MotionModel
 
 BLOCK: Final = 64
 """Frames that are smoothed before anything is done with them: few enough for the processor's cache."""
