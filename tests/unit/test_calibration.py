@@ -7,9 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from graspdb_ingest.hand import HandDimensions, HandModel, build_hand
-from graspdb_ingest.hand.posture import default_prior
+from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.parameters import TrackingParameters
+from graspdb_ingest.tracking.bundle import Bundle
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand, choose_frames
+from graspdb_ingest.tracking.fit import fit_frame
 from graspdb_ingest.tracking.frame_choice import sample_frames
 from graspdb_ingest.tracking.geometry import HandGeometry
 from graspdb_ingest.tracking.tracker import track_hand
@@ -208,3 +210,15 @@ def test_sampling_keeps_all_of_few_frames_and_few_of_all():
     some = sample_frames((np.full((1000, 5, 3), float(i)) for i in range(20)), 300)
     assert 100 <= len(some) <= 300
     assert set(some[:, 0, 0]) == set(range(20))
+
+
+def test_another_descent_from_where_one_ended_finds_nothing_better(case):
+    prior = default_prior(case.assumed)
+    frames, geometry = choose_frames(case.markers), HandGeometry(case.assumed, case.placements)
+    once = PosturePrior(prior.mean, len(frames) * prior.covariance)
+    bundle = Bundle(geometry, frames, once, SD)
+    postures = [fit_frame(bundle.kinematics, frame, prior, np.full(24, 0.01)).q for frame in frames]
+    first = bundle.solve(np.zeros(geometry.n_parameters), postures)
+    second = bundle.solve(first.parameters, first.postures)
+    apart = (second.parameters - first.parameters) / np.sqrt(np.diagonal(first.covariance))
+    assert np.abs(apart).max() < 0.05

@@ -4,7 +4,8 @@ The model is a hierarchy of normal distributions. Markers lie about their places
 a t distribution, so that a wrong label or a jump loses its weight (Lange, Little and Taylor 1989);
 postures and shape have normal priors. Each marker's own standard deviation is estimated from the fit.
 The postures are eliminated frame by frame with the Schur complement, so the cost grows linearly
-with the frames.
+with the frames. A joint that rests against a limit is held there for a step (Bertsekas 1982, projected Newton
+methods): else the others would move as if it gave way.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
@@ -114,17 +116,19 @@ class Bundle:
 
     def _descend(self, state: "_State") -> "_State":
         """Levenberg-Marquardt over shape and postures, spreads fixed."""
-        damping, cost = 1e-4, self._cost(state)
+        damping, cost, refused = 1e-4, self._cost(state), False
         for _ in range(STEPS):
             eliminated = self._eliminate(state, damping)
             trial = self._moved(state, *eliminated.steps())
             new_cost = self._cost(trial)
             if new_cost < cost:
-                gained, state, cost, damping = cost - new_cost, trial, new_cost, damping / 10
+                gained, state, cost = cost - new_cost, trial, new_cost
                 if gained < 1e-6 * cost:
                     break
+                # What has just been too little is not tried again at once.
+                damping, refused = damping if refused else damping / 10, False
             else:
-                damping = max(10 * damping, 1e-6)
+                damping, refused = max(10 * damping, 1e-6), True
         return state
 
     def _moved(self, state: "_State", change: Floats, steps: Sequence[Floats]) -> "_State":
@@ -164,12 +168,23 @@ class Bundle:
             pull[FREE:] -= precision @ (q[SEVEN:] - self.prior.mean)
             own[np.diag_indices_from(own)] *= 1 + damping
             cross = by_q.T @ by_shape
+            held = self._held(q, pull)
+            own[held], own[:, held], cross[held], pull[held] = 0, 0, 0, 0
+            own[held, held] = 1
             solved = np.linalg.solve(own, np.column_stack([cross, pull]))
             normal += by_shape.T @ by_shape - cross.T @ solved[:, :-1]
             gradient += by_shape.T @ rows - cross.T @ solved[:, -1]
             solved_of_frame.append(solved)
         normal += damping * np.diag(prior)
         return _Eliminated(normal, gradient, tuple(solved_of_frame))
+
+    def _held(self, q: Floats, pull: Floats) -> NDArray[np.int64]:
+        """Return the degrees of freedom whose joint is at a limit and pulled beyond it."""
+        lowest, highest = self.kinematics.hand.joint_range.T
+        angles, hinges = q[SEVEN:], pull[FREE:]
+        return FREE + np.flatnonzero(
+            ((angles >= highest) & (hinges > 0)) | ((angles <= lowest) & (hinges < 0))
+        )
 
     def _spreads(self, state: "_State") -> "_State":
         """Estimate the markers' standard deviations, each drawn to that of all of them."""
