@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import pyarrow as pa
-from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.contact_rows import contact_rows
 from graspdb_ingest.file_hash import file_sha256
@@ -16,6 +15,7 @@ from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
 from graspdb_ingest.input_key import input_key, software_version
 from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
 from graspdb_ingest.objects.live_surface import LiveSurface, follow_surface
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand
 from graspdb_ingest.prepared_object import PreparedObject
@@ -93,8 +93,7 @@ def process_trial(
         if not reasons:
             gloves = _gloves(session, trial, recording, markers, context, notes)
             clouds = _clouds(session, trial, markers, context, parameters, notes)
-            # matrices of 58 rows are too small to share out: more threads only wait for each other
-            with threadpool_limits(1):
+            with one_thread():
                 tracked = track_trial(
                     markers, context.hands, context.object, np.array(session.up), parameters, gloves, clouds
                 )
