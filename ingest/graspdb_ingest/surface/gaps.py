@@ -104,7 +104,7 @@ def _is_spheres(surface: HandSurface) -> bool:
 def _of_spheres(surface: HandSurface, centres: Floats, target: ObjectDistance) -> SiteGaps:
     """Return the gaps of one sphere for each site, in frames in which the hand is known."""
     spheres = surface.shapes[:, 0]
-    asked = centres[:, spheres]
+    asked = np.asarray(centres[:, spheres], dtype=np.float64)
     nearest = target.nearest(asked)
     shapes = np.broadcast_to(surface.sites, nearest.distance.shape)
     gap = nearest.distance - surface.radii[spheres]
