@@ -7,8 +7,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from threadpoolctl import threadpool_limits
-
 from graspdb.engines import Engine, EngineName, make_engine
 from graspdb.ingestion import IngestReport, Progress, TrialReport, trial_report
 from graspdb.store import Outcome, Store
@@ -21,6 +19,7 @@ from graspdb_ingest.importers.registry import importer, with_suggestion
 from graspdb_ingest.importers.session import imported_session_rows
 from graspdb_ingest.importers.survey import SurveyedSubject, survey
 from graspdb_ingest.input_key import input_key
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepared_object import PreparedObject
 from graspdb_ingest.trial_tables import TrialTables
@@ -168,7 +167,7 @@ def _process(
 ) -> _Batch:
     """Process some clips of one object, in whatever process this is."""
     source, thing = sources[0].object, None
-    with threadpool_limits(1):
+    with one_thread():
         if source is not None:
             thing = _object(_Described(object_key(source, job.parameters), source, job.parameters))
         good = None if source is None or not isinstance(thing, PreparedObject) else (source, thing)

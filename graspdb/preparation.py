@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from graspdb.engines import Engine, EngineError, Shared
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.pipeline import Context, process_trial
 from graspdb_ingest.prepare import PreparedHand, prepare_hand
@@ -112,7 +111,7 @@ def _prepare(
     """Prepare a hand or an object, in whatever process this is; or say why it cannot be had."""
     session, parameters = shared.load()
     _check_files(session)
-    with threadpool_limits(1):
+    with one_thread():
         if isinstance(key, str):
             try:
                 return key, prepare_object(session.objects[key], parameters)
@@ -146,7 +145,7 @@ def process_prepared(
     """Turn one trial into rows, in whatever process this is."""
     session, parameters = shared.load()
     _check_files(session)
-    with threadpool_limits(1):
+    with one_thread():
         rows = process_trial(session, trial, parts.load(inputs), parameters)
     return Processed(trial.object, rows)
 

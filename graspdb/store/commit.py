@@ -8,13 +8,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from typing import Any
 
 import pyarrow as pa
-from deltalake import CommitProperties, DeltaTable, WriterProperties, write_deltalake
+from deltalake import CommitProperties, DeltaTable, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from graspdb.store.bundle import Trial
+from graspdb.store.encoding import encoding
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import bring_up_to_date, first_line
 from graspdb.store.location import Location
@@ -23,8 +24,6 @@ from graspdb.store.open_tables import OpenTables, State, quoted
 from graspdb_schemas.conform import conform
 from graspdb_schemas.errors import DatabaseError, ParameterError
 from graspdb_schemas.tables import TABLES
-
-ZSTD: Final = WriterProperties(compression="ZSTD", compression_level=3)
 
 
 class Outcome(StrEnum):
@@ -218,9 +217,10 @@ def write_rows(
     predicate: str | None,
 ) -> None:
     """Append rows, or put them in the place of those that a predicate names, in one Delta commit."""
+    how = encoding(name)
     try:
         if predicate is None:
-            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=ZSTD)
+            write_deltalake(table, rows, mode="append", commit_properties=properties, writer_properties=how)
         else:
             write_deltalake(
                 table,
@@ -228,7 +228,7 @@ def write_rows(
                 mode="overwrite",
                 predicate=predicate,
                 commit_properties=properties,
-                writer_properties=ZSTD,
+                writer_properties=how,
             )
     except CommitFailedError:
         raise

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 KEY_LENGTH: Final = 32
 """Hexadecimal digits of a content key: 128 bits of a sha256."""
 
+_VALID: Final = b"\x01"
+
 _UNITS: Final[tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]] = (
     (("sessions",), ("session",)),
     (("subjects",), ("session", "subject")),
@@ -99,18 +101,31 @@ def _update(digest: "_Hash", array: pa.Array) -> None:
     """Feed an array's type, length, nulls and values to a digest."""
     kind = array.type
     digest.update(f"{kind.id}:{len(array)}".encode())
-    digest.update(pc.is_valid(array).to_numpy(zero_copy_only=False).tobytes())
+    digest.update(_numbers(pc.is_valid(array)) if array.null_count else _VALID * len(array))
     if pa.types.is_list(kind):
-        lengths = pc.fill_null(pc.list_value_length(array), 0)
-        digest.update(lengths.to_numpy(zero_copy_only=False).tobytes())
+        digest.update(_numbers(pc.list_value_length(array)))
         _update(digest, array.flatten())
     elif pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
-        zero = pa.scalar(0).cast(kind)
-        digest.update(pc.fill_null(array, zero).to_numpy(zero_copy_only=False).tobytes())
+        digest.update(_numbers(array))
     elif pa.types.is_string(kind):
-        lengths = pc.fill_null(pc.binary_length(array), 0)
-        digest.update(lengths.to_numpy(zero_copy_only=False).tobytes())
-        digest.update(b"".join(pc.drop_null(array).cast(pa.binary()).to_pylist()))
+        digest.update(_numbers(pc.binary_length(array)))
+        digest.update(_text(array))
     else:
         for value in array.to_pylist():
             digest.update(repr(value).encode())
+
+
+def _numbers(array: pa.Array) -> memoryview:
+    """Return the values of an array, zero in the place of nulls."""
+    known = pc.fill_null(array, pa.scalar(0).cast(array.type)) if array.null_count else array
+    return np.asarray(known.to_numpy(zero_copy_only=False)).data
+
+
+def _text(array: pa.Array) -> memoryview:
+    """Return all texts of an array one after the other, as UTF-8."""
+    texts = pc.drop_null(array)
+    if not len(texts):
+        return memoryview(b"")
+    _, places, letters = texts.buffers()
+    bounds = np.frombuffer(places, np.int32)[texts.offset : texts.offset + len(texts) + 1]
+    return memoryview(letters or b"")[bounds[0] : bounds[-1]]

@@ -10,7 +10,7 @@ from typing import Final
 from deltalake import CommitProperties, DeltaTable
 from deltalake.exceptions import CommitFailedError, DeltaError
 
-from graspdb.store.commit import ZSTD
+from graspdb.store.encoding import encoding
 from graspdb.store.fence import Patience, commit_properties
 from graspdb.store.layout import LOG_RETENTION_KEY, bring_up_to_date, first_line
 from graspdb.store.location import Location, ObjectStorage
@@ -103,7 +103,7 @@ def _compact(root: Location, name: str, table: DeltaTable) -> None:
             else CommitProperties(max_commit_retries=100)
         )
         try:
-            table.optimize.compact(commit_properties=properties, writer_properties=ZSTD)
+            table.optimize.compact(commit_properties=properties, writer_properties=encoding(name))
             return
         except CommitFailedError:
             patience.pause()

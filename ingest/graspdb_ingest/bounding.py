@@ -187,9 +187,12 @@ def _least_ball(points: Floats) -> tuple[Floats, float]:
 
 
 def _best_support(points: Floats, candidates: list[int]) -> list[int]:
-    """Return the candidates whose circumscribed ball is the least that holds all candidates."""
+    """Return the candidates whose circumscribed ball is the least that holds all candidates.
+
+    The last one, which lay outside the ball of the others, is among them.
+    """
     best, least = candidates, np.inf
-    for pattern in range(1, 2 ** len(candidates)):
+    for pattern in range(2 ** (len(candidates) - 1), 2 ** len(candidates)):
         chosen = [c for i, c in enumerate(candidates) if pattern >> i & 1]
         if len(chosen) > 4:
             continue

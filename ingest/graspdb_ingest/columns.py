@@ -38,6 +38,12 @@ def sparse_column(values: Numbers) -> pa.Array:
     return _lists(items, values.shape[1], np.zeros(len(values), dtype=bool))
 
 
+def flag_column(values: NDArray[np.bool_], unknown: NDArray[np.bool_]) -> pa.Array:
+    """Return a column of lists from shape (n, k), in which single flags are null where they are unknown."""
+    items = pa.array(values.ravel(), mask=unknown.ravel())
+    return _lists(items, values.shape[1], np.zeros(len(values), dtype=bool))
+
+
 def _lists(items: pa.Array, length: int, missing: NDArray[np.bool_]) -> pa.Array:
     offsets = pa.array(np.arange(len(missing) + 1, dtype=np.int32) * length)
     return pa.ListArray.from_arrays(offsets, items, mask=pa.array(missing))

@@ -64,11 +64,11 @@ def contact_map(points: Floats, normals: Floats, surface: HandSurface, reach: fl
     """
     near = _candidates(points, surface, reach)
     found = surface.distances(points[near])
-    centres, _ = surface.sphere_at(found.shape, found.weights)
     within = found.distance <= reach
     chosen = near[within]
+    centres, _ = surface.sphere_at(found.shape[within], found.weights[within])
     with np.errstate(invalid="ignore"):
-        facing = np.sum(unit(centres - points[near]) * normals[near], axis=1)[within]
+        facing = np.sum(unit(centres - points[chosen]) * normals[chosen], axis=1)
     return ContactMap(chosen, found.distance[within], np.nan_to_num(facing, nan=1.0))
 
 

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_opening
 
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.parameters import EventParameters
-from graspdb_ingest.runs import Mask, frames_of, joined_runs
+from graspdb_ingest.runs import Mask, frames_of, joined_runs, lasting
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ def _touching(gap: Floats, threshold: float, margin: float, reach: int) -> Mask:
     A sphere keeps its state while its gap is between the two thresholds, or unknown for no more
     than `reach` frames.
     """
-    lost = binary_opening(np.isnan(gap), structure=np.ones((reach + 1, 1), dtype=np.bool_))
+    lost = lasting(np.isnan(gap), reach + 1)
     on = gap < threshold
     decided = on | (gap > threshold + margin) | lost
     frames = np.arange(len(gap))[:, None]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
-from graspdb_ingest.columns import list_column, number_column, sparse_column
-from graspdb_ingest.contact_events import FREE, TOUCHES, UNKNOWN
+from graspdb_ingest.columns import flag_column, list_column, number_column, sparse_column
+from graspdb_ingest.contact_events import TOUCHES, UNKNOWN
 from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.trial import TrackedHand, TrackedTrial
 from graspdb_ingest.trial_markers import TrialMarkers
@@ -39,7 +39,7 @@ def position_rows(trial: str, times: Floats, labels: Sequence[str], positions: F
             "trial": pa.repeat(trial, n),
             "frame": np.arange(n),
             "time": times,
-            "labels": [list(labels)] * n,
+            "labels": pa.repeat(pa.scalar(list(labels), rows_schema("markers").field("labels").type), n),
             "positions": list_column(positions),
         },
         schema=rows_schema("markers"),
@@ -76,7 +76,7 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
             "object_residual": number_column(residuals),
             "object_fitness": number_column(fitness),
             "gap": list_column(hand.posed.gaps.gap),
-            "touching": _touching(hand),
+            "touching": flag_column(hand.states == TOUCHES, hand.states == UNKNOWN),
             "residual": number_column(track.residual_rms),
             "marker_residuals": sparse_column(np.linalg.norm(track.residuals, axis=2)),
             "n_markers": track.used.sum(axis=1),
@@ -84,11 +84,6 @@ def _frames(trial: str, tracked: TrackedTrial, side: str, hand: TrackedHand) -> 
         },
         schema=rows_schema("frames"),
     )
-
-
-def _touching(hand: TrackedHand) -> list[list[bool | None]]:
-    meaning = {TOUCHES: True, FREE: False, UNKNOWN: None}
-    return [[meaning[state] for state in frame] for frame in hand.states.tolist()]
 
 
 def _flags(hand: TrackedHand) -> list[list[str]]:

@@ -1,6 +1,7 @@
 """When a held object begins to rise from rest, and when it is put down."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ class Rise:
     known: Mask
 
 
+@cache
 def _low_pass(rate: float, cut_off: float) -> Floats | None:
     """Return the filter's sections, or None where the recording has nothing above the cut-off."""
     if cut_off >= rate / 2:

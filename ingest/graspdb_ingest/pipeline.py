@@ -6,16 +6,17 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 import pyarrow as pa
-from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.contact_rows import contact_rows
 from graspdb_ingest.file_hash import file_sha256
 from graspdb_ingest.frame_rows import frame_rows, marker_rows
 from graspdb_ingest.glove_angles import GloveAngles, select_glove
 from graspdb_ingest.grasp_rows import find_grasps, grasp_rows
+from graspdb_ingest.hand.model import Floats
 from graspdb_ingest.input_key import input_key, software_version
 from graspdb_ingest.objects.live import CloudTrack, follow_clouds, read_cloud_times
 from graspdb_ingest.objects.live_surface import LiveSurface, follow_surface
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand
 from graspdb_ingest.prepared_object import PreparedObject
@@ -93,8 +94,7 @@ def process_trial(
         if not reasons:
             gloves = _gloves(session, trial, recording, markers, context, notes)
             clouds = _clouds(session, trial, markers, context, parameters, notes)
-            # matrices of 58 rows are too small to share out: more threads only wait for each other
-            with threadpool_limits(1):
+            with one_thread():
                 tracked = track_trial(
                     markers, context.hands, context.object, np.array(session.up), parameters, gloves, clouds
                 )
@@ -272,16 +272,17 @@ def _overall(tracked: TrackedTrial) -> float | None:
 
 def _residuals_by_group(session: Session, tracked: TrackedTrial) -> dict[str, float]:
     """Return the rms residual of the used markers of each digit, the hand, the forearm and the object."""
-    squared: dict[str, list[float]] = {}
+    squared: dict[str, list[Floats]] = {}
     for hand in tracked.hands.values():
         distances = np.sum(hand.track.residuals**2, axis=2)
         for i, label in enumerate(hand.prepared.hand.markers):
             group = _group(session.markers[label].segment)
-            squared.setdefault(group, []).extend(distances[hand.track.used[:, i], i].tolist())
+            squared.setdefault(group, []).append(distances[hand.track.used[:, i], i])
     if tracked.object is not None:
         residuals = tracked.object.track.residuals
-        squared["object"] = (residuals[np.isfinite(residuals)] ** 2).tolist()
-    return {group: float(np.sqrt(np.mean(values))) for group, values in squared.items() if values}
+        squared["object"] = [residuals[np.isfinite(residuals)] ** 2]
+    together = {group: np.concatenate(values) for group, values in squared.items()}
+    return {group: float(np.sqrt(values.mean())) for group, values in together.items() if len(values)}
 
 
 def _residuals_by_marker(tracked: TrackedTrial) -> Iterator[tuple[str, float]]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.calibration_set import calibration_files, calibration_recordings
 from graspdb_ingest.hand import HandModel
@@ -13,6 +12,7 @@ from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import PosturePrior, default_prior
 from graspdb_ingest.hand.subject import subject_hand
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import TrackingParameters
 from graspdb_ingest.readers import read_recording
 from graspdb_ingest.tracking.calibration import Calibration, calibrate_hand
@@ -146,7 +146,7 @@ def hand_from_sample(
         If the sample does not show enough of the hand.
     """
     default = default_prior(file.hand)
-    with threadpool_limits(1):
+    with one_thread():
         calibration = calibrate_hand(file.hand, file.placements, [sample], default, parameters.marker_sd)
         learned = learn_prior(
             calibration.hand,

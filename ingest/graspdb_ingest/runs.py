@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 Mask = NDArray[np.bool_]
 
@@ -26,3 +27,9 @@ def joined_runs(mask: Mask, reach: int) -> list[tuple[int, int]]:
         else:
             joined.append((start, stop))
     return joined
+
+
+def lasting(mask: Mask, shortest: int) -> Mask:
+    """Return the frames of runs of at least so many frames, in each column of shape (n, k)."""
+    begun = minimum_filter1d(mask, shortest, axis=0, mode="constant", origin=-(shortest // 2))
+    return np.asarray(maximum_filter1d(begun, shortest, axis=0, mode="constant", origin=(shortest - 1) // 2))

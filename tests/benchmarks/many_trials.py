@@ -14,7 +14,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from handmade import session_tables, trial_tables
 
 from graspdb.store import Store
-from graspdb.store.commit import ZSTD
+from graspdb.store.encoding import encoding
 from graspdb.store.layout import read_rows
 from graspdb_schemas.tables import TABLES, TRIAL_TABLES
 
@@ -71,4 +71,6 @@ def _append(path: Path, stored: dict[str, pa.Table], trials: np.ndarray) -> None
         for column, values in columns.items():
             if column in rows.column_names:
                 rows = rows.set_column(rows.column_names.index(column), column, values)
-        write_deltalake(str(path / name), rows.cast(TABLES[name]), mode="append", writer_properties=ZSTD)
+        write_deltalake(
+            str(path / name), rows.cast(TABLES[name]), mode="append", writer_properties=encoding(name)
+        )

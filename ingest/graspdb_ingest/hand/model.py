@@ -235,10 +235,12 @@ class HandModel:
         hand = mujoco.mj_name2id(model, _BODY, "hand")
         body = hand if hand >= 0 else int(model.jnt_bodyid[0])
         positions, rotations = np.empty((len(q), 3)), np.empty((len(q), 9))
+        # Views of MuJoCo's memory, which stays where it is: each access to a member makes a new one.
+        moved, position, rotation = data.qpos, data.xpos[body], data.xmat[body]
         for i, configuration in enumerate(q):
-            data.qpos[:] = configuration
+            moved[:] = configuration
             mujoco.mj_kinematics(model, data)
-            positions[i], rotations[i] = data.xpos[body], data.xmat[body]
+            positions[i], rotations[i] = position, rotation
         return positions, rotations.reshape(-1, 3, 3)
 
     def integrate(self, q: Floats, step: Floats) -> Floats:

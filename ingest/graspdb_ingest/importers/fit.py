@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from graspdb_ingest.columns import list_column, number_column, sparse_column
 from graspdb_ingest.hand import HandDimensions, build_hand
@@ -19,6 +18,7 @@ from graspdb_ingest.hand.foreign import HandFile
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
 from graspdb_ingest.hand.posture import default_prior
+from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
 from graspdb_ingest.prepare import PreparedHand, hand_from_sample
 from graspdb_ingest.tracking.calibration import Calibration
@@ -207,7 +207,7 @@ def fit_hand(
     TrackingError
         If the hand does not fit its key points.
     """
-    with threadpool_limits(1):
+    with one_thread():
         if rate is None or len(key_points) < 2:
             return _fit_frames(hand, key_points)
         track = track_hand(

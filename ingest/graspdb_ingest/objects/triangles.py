@@ -9,7 +9,7 @@ from graspdb_ingest.compiled import compiled
 from graspdb_ingest.rigid import Array
 from graspdb_ingest.vectors import Three, cross, dot, minus, stepped
 
-LEAF: Final = 4
+LEAF: Final = 8
 """A leaf holds this many triangles at the least, and less than twice as many."""
 
 RAYS: Final = np.array([[0.5374, 0.6841, 0.4931], [-0.7219, 0.3173, 0.6150], [0.2837, -0.6469, -0.7079]])
@@ -27,8 +27,9 @@ class TriangleTree(NamedTuple):
     ----------
     corners : ndarray, shape (n, 3, 3)
         Corners of each triangle [m].
-    balls : ndarray, shape (n, 4)
-        Centre and radius of a ball around each of them [m].
+    frames : ndarray, shape (n, 5, 3)
+        What bounds each of them closely: three axes, of which the last is its normal, and its lowest and
+        highest coordinates along them [m].
     boxes : ndarray, shape (n_boxes, 2, 3)
         Lowest and highest corner of what each box holds [m], the root first and then level by level.
     starts : ndarray of int, shape (n_leaves + 1,)
@@ -36,7 +37,7 @@ class TriangleTree(NamedTuple):
     """
 
     corners: Array
-    balls: Array
+    frames: Array
     boxes: Array
     starts: NDArray[np.int64]
 
@@ -68,10 +69,28 @@ def triangle_tree(vertices: Array, faces: NDArray[np.int64]) -> TriangleTree:
         np.stack([np.minimum.reduceat(lows, first), np.maximum.reduceat(highs, first)], axis=1)
         for first in (_starts(n, level)[:-1] for level in range(depth + 1))
     ]
-    middles = corners.mean(axis=1)
-    reaches = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    balls = np.column_stack([middles, reaches * (1 + 1e-9) + 1e-15])  # no tighter by rounding
-    return TriangleTree(corners, balls, np.concatenate(boxes), _starts(n, depth))
+    return TriangleTree(corners, _frames(corners), np.concatenate(boxes), _starts(n, depth))
+
+
+def _frames(corners: Array) -> Array:
+    """Return axes and extents along them of triangles of shape (n, 3, 3), as the tree has them."""
+    edges = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(edges, axis=2).argmax(axis=1)
+    along = _unit(np.take_along_axis(edges, longest[:, None, None], axis=1)[:, 0], np.eye(3)[0])
+    # Any normal does for a triangle without an area.
+    aside = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    normals = _unit(np.cross(edges[:, 0], edges[:, 1]), _unit(aside, aside))
+    axes = np.stack([along, np.cross(normals, along), normals], axis=1)
+    places = np.einsum("nai,nci->nca", axes, corners)
+    margin = 1e-12 * np.abs(corners).max()  # no tighter by rounding
+    low, high = places.min(axis=1) - margin, places.max(axis=1) + margin
+    return np.concatenate([axes, low[:, None], high[:, None]], axis=1)
+
+
+def _unit(vectors: Array, instead: Array) -> Array:
+    """Return unit vectors along others, shape (n, 3), and something else for those without a length."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 0, vectors / np.where(lengths > 0, lengths, 1.0), instead)
 
 
 def _starts(n: int, level: int) -> NDArray[np.int64]:
@@ -97,13 +116,13 @@ def nearest_points(tree: TriangleTree, points: Array) -> tuple[Array, NDArray[np
     """
     positions, triangles = np.empty(points.shape), np.zeros(points.shape[:2], np.int64)
     stack, distances = np.empty(_DEEPEST, np.int64), np.empty(_DEEPEST)
-    corners, balls, boxes, starts = tree
+    corners, frames, boxes, starts = tree
     for i in range(points.shape[0]):
         for k in range(points.shape[1]):
             # What was nearest the step before is not far off now, which rules out most boxes at once.
             first = triangles[i - 1, k] if i else 0
             point = (points[i, k, 0], points[i, k, 1], points[i, k, 2])
-            best = _descend(corners, balls, boxes, starts, point, first, stack, distances)
+            best = _descend(corners, frames, boxes, starts, point, first, stack, distances)
             triangles[i, k] = best
             positions[i, k, :] = _on_triangle(point, corners[best])
     return positions, triangles
@@ -112,7 +131,7 @@ def nearest_points(tree: TriangleTree, points: Array) -> tuple[Array, NDArray[np
 @compiled
 def _descend(
     corners: Array,
-    balls: Array,
+    frames: Array,
     boxes: Array,
     starts: NDArray[np.int64],
     point: Three,
@@ -122,7 +141,7 @@ def _descend(
 ) -> int:
     """Return the triangle nearest to a point, beginning with a guess."""
     best, least = first, _squared_to_triangle(point, corners[first])
-    root, n_inner = np.sqrt(least), len(starts) - 2
+    n_inner = len(starts) - 2
     stack[0], distances[0] = 0, _squared_to_box(point, boxes, 0)
     waiting = 1
     while waiting:
@@ -132,11 +151,10 @@ def _descend(
             continue
         if box >= n_inner:
             for j in range(starts[box - n_inner], starts[box - n_inner + 1]):
-                arm, reach = minus(point, balls[j]), root + balls[j, 3]
-                if dot(arm, arm) < reach * reach:
+                if _squared_to_frame(point, frames[j]) < least:
                     squared = _squared_to_triangle(point, corners[j])
                     if squared < least:
-                        best, least, root = j, squared, np.sqrt(squared)
+                        best, least = j, squared
             continue
         left, right = 2 * box + 1, 2 * box + 2
         to_left, to_right = _squared_to_box(point, boxes, left), _squared_to_box(point, boxes, right)
@@ -154,6 +172,16 @@ def _squared_to_box(point: Three, boxes: Array, box: int) -> float:
     squared = 0.0
     for i in range(3):
         beyond = max(boxes[box, 0, i] - point[i], point[i] - boxes[box, 1, i], 0.0)
+        squared += beyond * beyond
+    return squared
+
+
+@compiled
+def _squared_to_frame(point: Three, frame: Array) -> float:
+    squared = 0.0
+    for i in range(3):
+        along = dot(frame[i], point)
+        beyond = max(frame[3, i] - along, along - frame[4, i], 0.0)
         squared += beyond * beyond
     return squared
 

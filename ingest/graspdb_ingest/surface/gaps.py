@@ -87,10 +87,28 @@ def site_gaps(surface: HandSurface, target: ObjectDistance) -> SiteGaps:
     """
     gaps = unknown_gaps(len(surface.centres))
     known = np.flatnonzero(np.isfinite(surface.centres).all(axis=(1, 2)))
+    find = _of_spheres if _is_spheres(surface) else _refined
     for start in range(0, len(known), FRAMES_AT_ONCE):
         frames = known[start : start + FRAMES_AT_ONCE]
-        gaps.fill(frames, _refined(surface, surface.centres[frames], target))
+        gaps.fill(frames, find(surface, surface.centres[frames], target))
     return gaps
+
+
+def _is_spheres(surface: HandSurface) -> bool:
+    """Return whether a surface is one sphere for each site, in their order."""
+    return np.array_equal(surface.sites, np.arange(N_SITES)) and bool(
+        (surface.shapes == surface.shapes[:, :1]).all()
+    )
+
+
+def _of_spheres(surface: HandSurface, centres: Floats, target: ObjectDistance) -> SiteGaps:
+    """Return the gaps of one sphere for each site, in frames in which the hand is known."""
+    spheres = surface.shapes[:, 0]
+    asked = np.asarray(centres[:, spheres], dtype=np.float64)
+    nearest = target.nearest(asked)
+    shapes = np.broadcast_to(surface.sites, nearest.distance.shape)
+    gap = nearest.distance - surface.radii[spheres]
+    return SiteGaps(gap, nearest.positions, nearest.normals, asked, shapes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ SCHEMA = pa.schema(
         ("b", pa.bool_()),
         ("i", pa.int16()),
         ("m", pa.map_(pa.string(), pa.float64())),
+        ("t", pa.list_(pa.string())),
     ]
 )
 ROWS = st.lists(
@@ -28,6 +29,7 @@ ROWS = st.lists(
                 st.none(),
                 st.dictionaries(st.text(max_size=2), st.floats(), max_size=2).map(lambda d: list(d.items())),
             ),
+            "t": st.one_of(st.none(), st.lists(st.one_of(st.none(), st.text(max_size=2)), max_size=3)),
         }
     ),
     min_size=1,
@@ -47,6 +49,15 @@ def test_layout_in_memory_does_not_matter(rows: list[dict[str, object]], cut: in
     chunked = pa.concat_tables([table.slice(0, cut), table.slice(cut)])
     padded = pa.concat_tables([table, table]).slice(len(rows), len(rows))
     assert key(chunked) == key(padded) == key(table)
+
+
+def test_keys_are_those_that_databases_have() -> None:
+    rows = [
+        {"l": [1.5, None], "s": "grüß", "b": True, "i": 3, "m": [("a", 0.5)], "t": ["x", None, ""]},
+        {"l": None, "s": None, "b": None, "i": None, "m": None, "t": None},
+        {"l": [], "s": "", "b": False, "i": -3, "m": [], "t": []},
+    ]
+    assert key(pa.Table.from_pylist(rows, SCHEMA)) == "24d56a56806aca237151ca6d48866b7e"
 
 
 @settings(max_examples=60, deadline=None)
