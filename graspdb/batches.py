@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final, TypeVar
 
+from graspdb.free_memory import give_back_free_memory
 from graspdb_schemas.errors import DatabaseError
 
 T = TypeVar("T")
@@ -50,6 +51,7 @@ def commit_in_batches(
             if waiting and (full or clock() - last >= PERIOD):
                 commit(waiting)
                 waiting, last = [], clock()
+                give_back_free_memory()
         commit(waiting)
         waiting = []
     except DatabaseError:
