@@ -10,7 +10,7 @@ def give_back_free_memory() -> None:
     """Give back what the C library keeps of freed memory, where it can be told to; glibc can.
 
     Rows are made, written and freed by the ten megabytes, with small blocks in between that stay; glibc gives
-    back only what lies above the last of these. In an ingest by one process that is a sixth of the peak.
+    back only what lies above the last of these. In an ingest by one process that saves a tenth of the peak.
     """
     _trim()(0)
 

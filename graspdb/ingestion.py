@@ -14,7 +14,6 @@ from graspdb.store.location import Location
 from graspdb_ingest.calibration_set import keep_calibrations
 from graspdb_ingest.input_key import hand_inputs, input_key, session_inputs
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.session_rows import session_rows
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.manifest import Session, SessionTrial
 from graspdb_schemas.manifest_reader import parse_manifest
@@ -204,6 +203,9 @@ class _Committer:
 
 def _stands_on(session: Session, parts: Parts, name: str) -> TrialTables:
     """Return the rows that trials with an object stand on: of the session, its hands and that object."""
+    # Here, since it loads what computes: workers are at work by now.
+    from graspdb_ingest.session_rows import session_rows
+
     return session_rows(session, parts.good_hands(), parts.good_object(name))
 
 

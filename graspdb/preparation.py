@@ -1,19 +1,25 @@
-"""What trials stand on, prepared once and shared with the workers: the session's hands and objects."""
+"""What trials stand on, prepared once and shared with the workers: the session's hands and objects.
+
+What computes is imported by whoever computes. So workers start while the process that asks them has loaded
+little, and an ingest that finds all trials unchanged ends without.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from graspdb.engines import Engine, EngineError, Shared
 from graspdb_ingest.one_thread import one_thread
 from graspdb_ingest.parameters import IngestParameters
-from graspdb_ingest.pipeline import Context, process_trial
-from graspdb_ingest.prepare import PreparedHand, prepare_hand
-from graspdb_ingest.prepared_object import PreparedObject, prepare_object
 from graspdb_ingest.trial_tables import TrialTables
 from graspdb_schemas.errors import GraspDBError
 from graspdb_schemas.manifest import Session, SessionTrial
 from graspdb_schemas.vocabulary import Side
+
+if TYPE_CHECKING:
+    from graspdb_ingest.pipeline import Context
+    from graspdb_ingest.prepare import PreparedHand
+    from graspdb_ingest.prepared_object import PreparedObject
 
 T = TypeVar("T")
 Hand = tuple[str, Side]
@@ -39,11 +45,13 @@ class Part(Generic[T]):
 class TrialParts:
     """The parts that one trial stands on."""
 
-    hands: Mapping[Side, Part[PreparedHand]]
-    object: Part[PreparedObject] | None
+    hands: Mapping[Side, Part["PreparedHand"]]
+    object: "Part[PreparedObject] | None"
 
-    def load(self, inputs: Mapping[str, str]) -> Context:
+    def load(self, inputs: Mapping[str, str]) -> "Context":
         """Return them as the pipeline takes them."""
+        from graspdb_ingest.pipeline import Context
+
         problems = [hand.problem for hand in self.hands.values()]
         if self.object is not None:
             problems.append(self.object.problem)
@@ -68,19 +76,19 @@ class Parts:
         The objects that have a mesh or cloud.
     """
 
-    hands: Mapping[Hand, Part[PreparedHand]]
-    objects: Mapping[str, Part[PreparedObject]]
+    hands: Mapping[Hand, Part["PreparedHand"]]
+    objects: Mapping[str, Part["PreparedObject"]]
 
     def of(self, session: Session, trial: SessionTrial) -> TrialParts:
         """Return those of one trial."""
         hands = {side: self.hands[trial.subject, side] for side in session.sides_of(trial)}
         return TrialParts(hands, None if trial.object is None else self.objects.get(trial.object))
 
-    def good_hands(self) -> list[PreparedHand]:
+    def good_hands(self) -> "list[PreparedHand]":
         """Return the hands that could be prepared."""
         return [part.shared.load() for part in self.hands.values() if part.shared is not None]
 
-    def good_object(self, name: str) -> list[PreparedObject]:
+    def good_object(self, name: str) -> "list[PreparedObject]":
         """Return an object, or nothing where there is no such or it could not be prepared."""
         part = self.objects.get(name)
         return [] if part is None or part.shared is None else [part.shared.load()]
@@ -107,8 +115,11 @@ def prepare_parts(
 
 def _prepare(
     shared: Shared[tuple[Session, IngestParameters]], key: Hand | str
-) -> tuple[Hand | str, PreparedHand | PreparedObject | str]:
+) -> "tuple[Hand | str, PreparedHand | PreparedObject | str]":
     """Prepare a hand or an object, in whatever process this is; or say why it cannot be had."""
+    from graspdb_ingest.prepare import prepare_hand
+    from graspdb_ingest.prepared_object import prepare_object
+
     session, parameters = shared.load()
     _check_files(session)
     with one_thread():
@@ -143,6 +154,8 @@ def process_prepared(
     inputs: Mapping[str, str],
 ) -> Processed:
     """Turn one trial into rows, in whatever process this is."""
+    from graspdb_ingest.pipeline import process_trial
+
     session, parameters = shared.load()
     _check_files(session)
     with one_thread():

@@ -102,6 +102,11 @@ def test_importing_graspdb_loads_nothing_heavy() -> None:
     assert not HEAVY & loaded_by("import graspdb")
 
 
+def test_whoever_asks_for_an_ingest_loads_nothing_that_computes() -> None:
+    """Workers start the sooner, and an ingest that finds all trials unchanged ends the sooner."""
+    assert not {"numba", "llvmlite", "open3d"} & loaded_by("import graspdb.ingestion")
+
+
 def test_help_loads_nothing_heavy() -> None:
     loaded = loaded_by(
         "import sys; from graspdb.cli import main\n"

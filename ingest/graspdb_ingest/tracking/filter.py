@@ -9,7 +9,7 @@ frame says is one matrix and one vector of the size of the degrees of freedom.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Bools, Floats
@@ -115,8 +115,8 @@ class HandFilter:
             lowest=lowest,
             highest=highest,
             root_weight=1 / marker_sd,
-            gate=float(chi2.ppf(gate, df=3)),
-            angle_gate=float(chi2.ppf(gate, df=1)),
+            gate=float(chdtri(3, 1 - gate)),
+            angle_gate=float(chdtri(1, 1 - gate)),
         )
         self.placed = memory_of(kinematics.tree)
 

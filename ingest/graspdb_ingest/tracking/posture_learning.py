@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from graspdb_ingest.hand.kinematics import Kinematics
 from graspdb_ingest.hand.model import Floats, HandModel
@@ -111,7 +111,7 @@ def _fit_in_turn(
 
 def _fits(fit: FrameFit, marker_sd: Floats) -> bool:
     squared = np.sum(fit.residuals**2, axis=1) / marker_sd**2
-    return bool(np.nanmax(squared) < chi2.ppf(DOUBTFUL, df=3))
+    return bool(np.nanmax(squared) < chdtri(3, 1 - DOUBTFUL))
 
 
 def _spread(kinematics: Kinematics, fit: FrameFit, prior: PosturePrior, marker_sd: Floats) -> Floats:
