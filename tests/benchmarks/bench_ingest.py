@@ -68,7 +68,7 @@ def ingest() -> list[Result]:
             two["wall"],
             one["wall"],
             "s",
-            note="peer: with one worker; workers started before; at least 1.7 times as fast",
+            note="peer: with one worker; the two workers start meanwhile; at least 1.7 times as fast",
         ),
         Result("ingest, peak memory of a worker", two["peak"], None, "MiB", note="below 700 MB"),
     ]
