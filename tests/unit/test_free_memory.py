@@ -1,11 +1,13 @@
 """What a process has freed goes back to the system, also from below what it still uses."""
 
 import ctypes
+import resource
 import sys
 from pathlib import Path
 
 import pytest
 
+from graspdb import free_memory
 from graspdb.free_memory import give_back_free_memory
 
 BLOCK, N_BLOCKS = 50_000, 2_000
@@ -13,7 +15,7 @@ BLOCK, N_BLOCKS = 50_000, 2_000
 
 def resident() -> int:
     """Return how much memory the process has [bytes]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 @pytest.mark.skipif(
@@ -35,8 +37,10 @@ def test_memory_below_a_block_in_use_is_given_back() -> None:
     library.free(blocks[-1])
 
 
-def test_where_the_c_library_cannot_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_the_c_library_cannot_it_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
     monkeypatch.setattr(sys, "platform", "win32")
-    give_back_free_memory.__globals__["_trim"].cache_clear()
+    monkeypatch.setattr(ctypes, "CDLL", asked.append)
+    monkeypatch.setattr(free_memory, "_trim", free_memory._trim.__wrapped__)
     give_back_free_memory()
-    give_back_free_memory.__globals__["_trim"].cache_clear()
+    assert not asked
